@@ -12,9 +12,9 @@ from .pixel_quality import Flag as Flag
 from .pixel_quality import FlagRules as FlagRules
 from .pixel_quality import Intercept as Intercept
 from .record_faults import RecordFault as RecordFault
-from .record_faults import find_record_faults as find_record_faults
 from .response import Response as Response
 from .response import ResponseImage as ResponseImage
+from .response_findings import find_response_findings as find_response_findings
 from .response_function import Estimator as Estimator
 from .response_function import ResponseFunction as ResponseFunction
 from .response_function import response_function as response_function

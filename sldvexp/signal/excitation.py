@@ -297,24 +297,23 @@ class RecordDesign:
                 )
         return np.tile(one, records)
 
-    def spectra(self, records: ArrayLike, lines: IndexArray | None = None) -> ComplexArray:
-        """Transform records to phasors of their lines, in the unit of the records.
+    def spectra(self, records: ArrayLike) -> ComplexArray:
+        """Transform records to phasors at `read_lines`, in the unit of the records.
 
         Parameters
         ----------
         records : array_like, shape (..., sample)
-        lines : ndarray of int, shape (line,), optional
-            `read_lines` without it.
 
         Returns
         -------
-        ndarray of complex, shape (..., line)
+        ndarray of complex, shape (..., read)
             Peak amplitudes of ``exp(+i omega t)``, with the window's mean divided out.
         """
-        window = self.window
-        whole = np.fft.rfft(np.asarray(records, float) * window, axis=-1)
-        chosen = whole[..., self.read_lines if lines is None else lines]
-        return np.asarray(chosen * (2 / window.sum()), complex)
+        return self.phasors(np.fft.rfft(np.asarray(records, float) * self.window, axis=-1))
+
+    def phasors(self, spectrum: ComplexArray) -> ComplexArray:
+        """Take those phasors of the whole spectrum of windowed records."""
+        return np.asarray(spectrum[..., self.read_lines] * (2 / self.window.sum()), complex)
 
     def _phases(self, rng: np.random.Generator) -> ComplexArray:
         """Choose ``exp(i phase)`` of the lines: Schroeder's, or random ones."""

@@ -9,6 +9,7 @@ scatter of the records.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,20 +18,26 @@ from sldvexp.config.registry import register
 from sldvexp.errors import Checks, UserError
 from sldvexp.signal.excitation import RecordDesign
 from sldvexp.signal.pixel_quality import Flag
-from sldvexp.signal.record_faults import RecordFault, find_record_faults, noise_power
+from sldvexp.signal.record_faults import (
+    RecordFault,
+    RecordLevels,
+    at_limits,
+    double_hit,
+    find_record_faults,
+    limits_of,
+    noise_power,
+)
 from sldvexp.signal.response_function import (
     LEAST_RECORDS,
     Estimator,
     ResponseFunction,
     response_function,
 )
-from sldvexp.signal.response_sums import ResponseSums
+from sldvexp.signal.response_sums import END, ResponseSums
 from sldvexp.signal.sine_fit import SineFit
 from sldvexp.typing import Array, ComplexArray, IntArray
 
-#: Share of a record at its end that must be quiet after a burst or a hit.
-END = 0.05
-#: Samples that are transformed at once, so that memory does not grow with the pixels.
+#: Samples that are transformed at once, for memory's sake.
 CHUNK_SAMPLES = 2**20
 
 
@@ -110,7 +117,7 @@ class Response(SineFit):
         limits: ArrayLike | None = None,
         good: ArrayLike | None = None,
     ) -> ResponseSums:
-        """Sum records of some pixels; more of the same pixels can be merged with them.
+        """Sum records of some pixels, as of a scan line; more of the same can be merged with them.
 
         Parameters
         ----------
@@ -134,30 +141,22 @@ class Response(SineFit):
                 "signal: records must have the shape (pixel, record, 2, "
                 f"{design.samples}) with the channels velocity and reference, not {counts.shape}"
             )
-        faults = find_record_faults(
-            counts,
-            design,
-            volts_per_count=volts_per_count,
-            limits=limits,
-            good=good,
-            rules=self.flags,
-        )
-        scale = np.broadcast_to(np.asarray(volts_per_count, float), (2,)).copy()
-        scale[0] *= self.velocity_per_volt
+        volts = np.broadcast_to(np.asarray(volts_per_count, float), (2,))
+        scale, bounds = volts * [self.velocity_per_volt, 1.0], limits_of(counts, limits)
         sums = ResponseSums.zeros(len(counts), design.hertz(design.read_lines))
-        chunk = max(1, CHUNK_SAMPLES // max(1, counts[0].size)) if len(counts) else 1
-        for first in range(0, len(counts), chunk):
-            part = slice(first, min(first + chunk, len(counts)))
-            spoilt = (faults[part] != 0)[..., None, None]
-            volts = np.where(spoilt, 0.0, counts[part]) * scale[:, None]
-            spectra = design.spectra(volts)
-            sums.add(
-                spectra[:, :, 1],
-                spectra[:, :, 0],
-                faults[part],
-                _quiet(volts[:, :, 0], design),
-                part,
+        chunk = max(1, CHUNK_SAMPLES // max(1, counts[:1].size))
+        parts = [
+            _transform(counts[first : first + chunk], design, scale, bounds)
+            for first in range(0, len(counts), chunk)
+        ]
+        if parts:
+            levels = RecordLevels.concatenated([part.levels for part in parts])
+            faults = find_record_faults(levels, self.flags, good)
+            phasors, quiet = (
+                np.concatenate([getattr(part, name) for part in parts])
+                for name in ("phasors", "quiet")
             )
+            sums.add(phasors[:, :, 1], phasors[:, :, 0], faults, quiet)
         return sums
 
     def response(self, sums: ResponseSums, design: RecordDesign) -> ResponseFunction:
@@ -195,8 +194,32 @@ def _flags(sums: ResponseSums) -> NDArray[np.uint8]:
     return np.where(few, flags, np.uint8(0))
 
 
-def _quiet(velocity: Array, design: RecordDesign) -> Array:
-    """Compute mean squares of each record's end, noise and whole, (pixel, record, 3)."""
-    end = velocity[..., -max(1, int(END * design.samples)) :]
-    noise = noise_power(velocity, design)
-    return np.stack([np.mean(end**2, axis=-1), noise, np.mean(velocity**2, axis=-1)], axis=-1)
+class _Transformed(NamedTuple):
+    """Records of some pixels: levels, phasors (pixel, record, 2, read), quiet (..., 4)."""
+
+    levels: RecordLevels
+    phasors: ComplexArray
+    quiet: Array
+
+
+def _transform(counts: NDArray, design: RecordDesign, scale: Array, bounds: Array) -> _Transformed:
+    """Transform records to phasors in m/s and V, and measure what they are judged by."""
+    saturated, finite = at_limits(counts, bounds), np.isfinite(counts).all(axis=(2, 3))
+    volts = np.where(finite[..., None, None], counts, 0.0) * scale[:, None]
+    windowed = volts * design.window
+    spectrum = np.fft.rfft(windowed, axis=-1)
+    noise = noise_power(spectrum[:, :, 0], design)
+    reference, last = volts[:, :, 1], max(1, round(END * design.samples))
+    end, before = (windowed[:, :, 0, k:][..., :last] for k in (-last, -2 * last))
+    mean_squares = np.vecdot(volts, volts) / design.samples
+    levels = RecordLevels(
+        saturated,
+        ~finite,
+        double_hit(reference, design),
+        noise,
+        np.sqrt(mean_squares[..., 1]),
+        np.abs(reference).max(axis=-1),
+    )
+    ends = [np.vecdot(piece, piece) / last for piece in (end, before)]
+    quiet = np.stack([*ends, noise, mean_squares[..., 0]], axis=-1)
+    return _Transformed(levels, design.phasors(spectrum), quiet)

@@ -19,10 +19,13 @@ from sldvexp.errors import UserError
 from sldvexp.signal.record_faults import RecordFault
 from sldvexp.typing import Array, BoolArray, ComplexArray, IntArray
 
+#: Share of a record at its end that must be quiet after a burst or a hit.
+END = 0.05
 #: Sums over records, of each pixel.
 SUMS = ("sxx", "syy", "sxy", "count", "left_out", "quiet")
-#: What `ResponseSums.quiet` sums: mean squares of a record's end, of its noise, and of all of it.
-QUIET = ("end", "noise", "record")
+#: What `ResponseSums.quiet` sums: mean squares of a record's end and of as much before it, both
+#: windowed, of its noise, and of the whole record.
+QUIET = ("end", "before", "noise", "record")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -41,9 +44,9 @@ class ResponseSums:
     count : ndarray of int, shape (pixel,)
         Good records.
     left_out : ndarray of int, shape (pixel, fault)
-        Records with each `RecordFault`; one with two of them counts twice.
-    quiet : ndarray, shape (pixel, 3), (m/s)2
-        Sums over good records as `QUIET` lists them, zero where nothing asks for them.
+        Records with each `RecordFault`, by the first of those that a record has.
+    quiet : ndarray, shape (pixel, 4), (m/s)2
+        Sums over good records, in the order of `QUIET`.
 
     Examples
     --------
@@ -99,7 +102,7 @@ class ResponseSums:
             Phasors X in V and Y in m/s, as `RecordDesign.spectra` gives them.
         faults : array_like of int, shape (pixel, record), optional
             Bits of `RecordFault`.
-        quiet : array_like, shape (pixel, record, 3), (m/s)2, optional
+        quiet : array_like, shape (pixel, record, 4), (m/s)2, optional
             Mean squares as `QUIET` lists them.
         pixels : slice, optional
             Which pixels they are of; all without it.
@@ -119,8 +122,9 @@ class ResponseSums:
         self.syy[where] += (y.real**2 + y.imag**2).sum(axis=1)
         self.sxy[where] += (np.conj(x) * y).sum(axis=1)
         self.count[where] += good.sum(axis=1)
+        first = found & -found.astype(np.int64)  # the lowest bit
         for k, fault in enumerate(RecordFault):
-            self.left_out[where, k] += (found & fault != 0).sum(axis=1)
+            self.left_out[where, k] += (first == fault).sum(axis=1)
         if quiet is not None:
             self.quiet[where] += np.where(good[..., None], quiet, 0).sum(axis=1)
 
