@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import dataclass, field
 
+from sldvexp.dataset import Finding
 from sldvexp.errors import UserError
 from sldvexp.geometry import KnownPose
 from sldvexp.instrument import Acquisition, Instrument, RawSamples
@@ -310,6 +311,8 @@ class ViewContext:
         The view's rough pose once its circles have corrected it, for what is scanned after them.
     guide : callable, optional
         Makes who tells a person where marks lie.
+    findings : list of Finding
+        What is wrong with what was scanned.
     """
 
     view: str
@@ -319,3 +322,4 @@ class ViewContext:
     operator: Operator
     poses: dict[str, KnownPose] = field(default_factory=dict)
     guide: GuideMaker | None = None
+    findings: list[Finding] = field(default_factory=list)

@@ -18,6 +18,7 @@ from sldvexp.signal import (
     Response,
     ResponseImage,
     ResponseSums,
+    find_response_findings,
     instrument_fault,
 )
 from sldvexp.typing import Array, IntArray
@@ -80,9 +81,11 @@ def _responses(
             more = camera.once_more(ONCE_MORE, place, dac)
             assert isinstance(more, ResponseSums)
             sums = added(sums, more, pixels)
-    assert isinstance(camera.signal, Response)
-    assert camera.acquisition.drive is not None
-    return camera.signal.image(sums, camera.acquisition.drive)
+    signal, design = camera.signal, camera.acquisition.drive
+    assert isinstance(signal, Response)
+    assert design is not None
+    at.findings.extend(find_response_findings(sums, design, at.view))
+    return signal.image(sums, design)
 
 
 def _fault(image: ComplexImage | ResponseImage) -> str:
