@@ -29,6 +29,14 @@ NAME = "image"
 ONCE_MORE = "once_more"
 #: Share of the pixels from which a fault is the instrument's.
 MOST = 0.5
+#: What a flag of most pixels of averaged records tells about the instrument.
+FAULTS = {
+    Flag.reference_missing: "the reference channel has no signal; the generator's output is off, "
+    "its cable is not plugged in, or triggers were missed",
+    Flag.saturated: "records are over range; choose a larger range or a smaller amplitude",
+    Flag.dropped_out: "no light comes back; the laser's shutter is closed, or the beam falls "
+    "beside everything",
+}
 #: Level at which a record's constant is judged; its p-value, which is kept, needs none.
 TESTED = 0.95
 
@@ -92,14 +100,9 @@ def _fault(image: ComplexImage | ResponseImage) -> str:
     """Say what is wrong with the instrument, told by pixels of which none is good."""
     if isinstance(image, ComplexImage):
         return instrument_fault(image)
-    missing = image.flags & Flag.reference_missing != 0
-    if missing.mean() > MOST:
-        return (
-            "the reference channel has no signal; the generator's output is off, its cable is not "
-            "plugged in, or triggers were missed"
-        )
-    if (image.flags & Flag.saturated != 0).mean() > MOST:
-        return "records are over range; choose a larger range or a smaller amplitude"
+    for flag, why in FAULTS.items():
+        if (image.flags & flag != 0).mean() > MOST:
+            return why
     return ""
 
 

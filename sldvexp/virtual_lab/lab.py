@@ -87,6 +87,7 @@ class VirtualLab:
         self._noise = PixelNoise(self._seed, name)
         self._jitter = PixelNoise(self._seed, f"{name}\0jitter")
         self._speckle = PixelNoise(self._seed, f"{name}\0speckle")
+        self._trigger = PixelNoise(self._seed, f"{name}\0trigger")
         self._mistakes = self.scene.mistakes.get(name)
 
     def start_stream(self, stream: int) -> None:
@@ -354,11 +355,8 @@ class VirtualLab:
         for pixel in range(n):
             first = (self._pixel + pixel) * a.records
             uniform, normal = self._noise.draw(self._stream, first, a.records, a.samples)
-            start = _start(a, float(uniform[0, 0]), len(motion.played))
-            rows = [
-                motion.record(coefficient[pixel], start + k * a.samples, a.samples)
-                for k in range(a.records)
-            ]
+            begins = self._starts(first, float(uniform[0, 0]), len(motion.played))
+            rows = [motion.record(coefficient[pixel], begin, a.samples) for begin in begins]
             velocity, played = (np.stack(each) for each in zip(*rows, strict=True))
             own = None if noisier is None else np.full(a.records, noisier[pixel])
             seen = np.full(a.records, lit[pixel])
@@ -367,6 +365,22 @@ class VirtualLab:
         self._pixel += n
         counts, status = zip(*found, strict=True)
         return np.concatenate(counts), np.concatenate(status)
+
+    def _starts(self, first: int, chance: float, length: int) -> IntArray:
+        """Choose where in the long period a pixel's records start, by a number in [0, 1)."""
+        a = self._acquisition
+        assert a is not None
+        assert a.drive is not None
+        begin = a.samples * int(chance * (length // a.samples))
+        found = (begin if a.triggered else int(chance * length)) + a.samples * np.arange(a.records)
+        if a.drive.excitation.kind is ExcitationKind.hammer:
+            found = np.zeros(a.records, np.int64)  # each blow is one of its own
+        missed = self.scene.digitizer.missed_trigger
+        if a.triggered and missed:
+            uniform, _ = self._trigger.draw(self._stream, first, a.records, 1)
+            anywhere = (uniform[:, 1] * length).astype(np.int64)
+            found = np.where(uniform[:, 0] < missed, anywhere, found)
+        return found
 
     def _motion(self) -> Motion:
         """Compute, once a view and acquisition, how all terms move; the last is flat: the rest."""
@@ -471,17 +485,6 @@ class VirtualLab:
         pose = mistakes.knocked(*self.true_pose(mistakes.seen_from or self.view))
         light = self._beams(dac, pose, error)
         return thing.in_modes(mistakes.modes).seen(light, mistakes.frequency * self._frequency)
-
-
-def _start(acquisition: Acquisition, chance: float, length: int) -> int:
-    """Choose where in a long period a pixel's first record starts, by a number in [0, 1)."""
-    drive, samples = acquisition.drive, acquisition.samples
-    assert drive is not None
-    if drive.excitation.kind is ExcitationKind.hammer:
-        return 0
-    if acquisition.triggered:
-        return samples * int(chance * (length // samples))
-    return int(chance * length)
 
 
 @register("instrument", "simulated")
