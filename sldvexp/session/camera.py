@@ -21,7 +21,7 @@ from sldvexp.laser import TwoMirror
 from sldvexp.scan import Sampling
 from sldvexp.session.journal import Journal, Measured
 from sldvexp.session.keyboard import Keyboard, TerminalLostError
-from sldvexp.session.records import Averages, acquisition_of, require_records
+from sldvexp.session.records import Averaging, acquisition_of, require_records
 from sldvexp.session.watching import LineDone, Watcher, complex_pixels
 from sldvexp.signal import ComplexImage, Response, SignalEstimator
 from sldvexp.stopping import Stopped, undisturbed
@@ -137,7 +137,7 @@ class Camera:
         self._instrument: Instrument | None = None
         self._wanted: Acquisition | None = None
         self._set: Acquisition | None = None
-        self._averages: Averages | None = None
+        self._averages: Averaging | None = None
         self._taken, self._repeated = 0, planned
 
     def __enter__(self) -> Camera:
@@ -169,7 +169,7 @@ class Camera:
         require_records([sampling], self.signal)
         self._wanted, self._averages = acquisition_of(sampling), None
         if isinstance(self.signal, Response) and sampling.broadband:
-            self._averages = Averages(self.signal, self._wanted, sampling.again)
+            self._averages = Averaging(self.signal, self._wanted, sampling.again)
 
     def look(self) -> RawSamples:
         """Sample a pixel where the beam stands: few samples, the generator off."""

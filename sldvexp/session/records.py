@@ -48,8 +48,8 @@ def acquisition_of(sampling: Sampling) -> Acquisition:
 
 
 @dataclass(frozen=True)
-class Averages:
-    """Averages of records, as one acquisition asks for them.
+class Averaging:
+    """Averaging of records, as one acquisition asks for them.
 
     Parameters
     ----------

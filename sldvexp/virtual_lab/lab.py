@@ -26,7 +26,7 @@ from sldvexp.virtual_lab.electronics import Electronics, PixelNoise
 from sldvexp.virtual_lab.plate import VibratingPlate
 from sldvexp.virtual_lab.pointing import MirrorPath
 from sldvexp.virtual_lab.scene import Scene
-from sldvexp.virtual_lab.transients import Motion, long_period
+from sldvexp.virtual_lab.transients import Transients, long_period
 
 #: Pixels computed at once, filled up if they are fewer: arithmetic in arrays of one shape gives a
 #: pixel the same last bits wherever it stands in a list.
@@ -68,7 +68,7 @@ class VirtualLab:
         rng = np.random.default_rng(np.random.SeedSequence([*self._seed, len(self._seed)]))
         self.objects = scene.objects(target, rng)
         self._acquisition: Acquisition | None = None
-        self._moved: tuple[object, Motion] | None = None
+        self._moved: tuple[object, Transients] | None = None
         self.start_stream(0)
         self.use_view(next(iter(scene.views)))
 
@@ -382,7 +382,7 @@ class VirtualLab:
             found = np.where(uniform[:, 0] < missed, anywhere, found)
         return found
 
-    def _motion(self) -> Motion:
+    def _motion(self) -> Transients:
         """Compute, once a view and acquisition, how all terms move; the last is flat: the rest."""
         a = self._acquisition
         assert a is not None
@@ -390,7 +390,7 @@ class VirtualLab:
         key = (self.view, a.drive)
         if self._moved is None or self._moved[0] != key:
             played = self.scene.generator_gain * long_period(a.drive)
-            self._moved = key, Motion.computed(played, a.rate, self._spectra)
+            self._moved = key, Transients.computed(played, a.rate, self._spectra)
         return self._moved[1]
 
     def _spectra(self, frequency: Array) -> ComplexArray:

@@ -24,7 +24,7 @@ Array32 = NDArray[np.float32]
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
+class Transients:
     """Responses of some terms to one long period of what the generator plays.
 
     Parameters
@@ -39,7 +39,7 @@ class Motion:
     @classmethod
     def computed(
         cls, played: Array, rate: float, spectra: Callable[[Array], ComplexArray]
-    ) -> Motion:
+    ) -> Transients:
         """Compute the responses.
 
         Parameters

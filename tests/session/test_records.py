@@ -1,4 +1,4 @@
-"""Averages of records: spoilt ones are taken again, sums are kept, the worst is measured more."""
+"""Averaging of records: spoilt ones are taken again, sums are kept, the worst is measured more."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from sldvexp.errors import UserError
 from sldvexp.instrument import RawSamples
 from sldvexp.instrument.recording import read_line
 from sldvexp.scan import Sampling
-from sldvexp.session.records import Averages, acquisition_of, added, once_more, worst_first
+from sldvexp.session.records import Averaging, acquisition_of, added, once_more, worst_first
 from sldvexp.session.session import scan_views
 from sldvexp.signal import ExcitationKind, Response, ResponseSums
 
@@ -162,7 +162,7 @@ def test_records_that_are_not_as_asked_for_are_refused(fault, told):
     instrument = Spoilt(**fault)
     instrument.configure(acquisition)
     with pytest.raises(UserError, match=told):
-        Averages(Response(), acquisition, 0).measure(instrument, np.zeros((3, 2), int), 0)
+        Averaging(Response(), acquisition, 0).measure(instrument, np.zeros((3, 2), int), 0)
 
 
 @pytest.mark.parametrize(
@@ -208,7 +208,7 @@ def test_memory_does_not_grow_with_records():
         return RawSamples(noise[rows] + played, volts, RATE, np.zeros(len(rows), np.uint8), 50)
 
     instrument = SimpleNamespace(scan=scan, configure=lambda acquisition: None)
-    averages = Averages(Response(), replace(acquisition), 0)
+    averages = Averaging(Response(), replace(acquisition), 0)
     tracemalloc.start()
     sums = averages.measure(instrument, np.zeros((2000, 2), int), 0)
     _, peak = tracemalloc.get_traced_memory()
