@@ -309,7 +309,20 @@ class RecordDesign:
         ndarray of complex, shape (..., read)
             Peak amplitudes of ``exp(+i omega t)``, with the window's mean divided out.
         """
-        return self.phasors(np.fft.rfft(np.asarray(records, float) * self.window, axis=-1))
+        return self.phasors(np.fft.rfft(self.windowed(np.asarray(records, float)), axis=-1))
+
+    def windowed(self, records: Array) -> Array:
+        """Apply the window, without the records' offset, which it would spread over lines."""
+        if self.excitation.kind in (ExcitationKind.random, ExcitationKind.hammer):
+            return (records - self.offset(records)) * self.window
+        return records
+
+    def offset(self, records: Array) -> Array:
+        """Estimate the channel's offset, shape (..., 1): of a hammer from before its pulse."""
+        quiet = self.samples
+        if self.excitation.kind is ExcitationKind.hammer:
+            quiet = max(1, int(BEFORE_PULSE * quiet / 2))  # half of it, as triggers jitter
+        return np.asarray(records[..., :quiet].mean(axis=-1, keepdims=True))
 
     def phasors(self, spectrum: ComplexArray) -> ComplexArray:
         """Take those phasors of the whole spectrum of windowed records."""

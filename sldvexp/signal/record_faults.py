@@ -15,7 +15,7 @@ from enum import IntFlag
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from sldvexp.signal.excitation import BEFORE_PULSE, ExcitationKind, RecordDesign
+from sldvexp.signal.excitation import ExcitationKind, RecordDesign
 from sldvexp.signal.pixel_quality import FlagRules
 from sldvexp.typing import Array, BoolArray, ComplexArray
 
@@ -156,8 +156,7 @@ def double_hit(reference: Array, design: RecordDesign) -> BoolArray:
     """
     if design.excitation.kind is not ExcitationKind.hammer:
         return np.zeros(reference.shape[:2], bool)
-    quiet = max(1, int(BEFORE_PULSE * design.samples / 2))
-    pulse = np.abs(reference - reference[..., :quiet].mean(axis=-1, keepdims=True))
+    pulse = np.abs(reference - design.offset(reference))
     apart = int(np.ceil(RINGING * design.rate / design.excitation.band[1]))
     first = pulse.argmax(axis=-1)[..., None]
     rest = np.where(np.abs(np.arange(design.samples) - first) > apart, pulse, 0.0).max(axis=-1)

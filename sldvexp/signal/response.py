@@ -206,20 +206,23 @@ def _transform(counts: NDArray, design: RecordDesign, scale: Array, bounds: Arra
     """Transform records to phasors in m/s and V, and measure what they are judged by."""
     saturated, finite = at_limits(counts, bounds), np.isfinite(counts).all(axis=(2, 3))
     volts = np.where(finite[..., None, None], counts, 0.0) * scale[:, None]
-    windowed = volts * design.window
-    spectrum = np.fft.rfft(windowed, axis=-1)
-    noise = noise_power(spectrum[:, :, 0], design)
-    reference, last = volts[:, :, 1], max(1, round(END * design.samples))
-    end, before = (windowed[:, :, 0, k:][..., :last] for k in (-last, -2 * last))
-    mean_squares = np.vecdot(volts, volts) / design.samples
+    spectrum = np.fft.rfft(design.windowed(volts), axis=-1)
+    noise, reference = noise_power(spectrum[:, :, 0], design), volts[:, :, 1]
     levels = RecordLevels(
         saturated,
         ~finite,
         double_hit(reference, design),
         noise,
-        np.sqrt(mean_squares[..., 1]),
+        np.sqrt(np.vecdot(reference, reference) / design.samples),
         np.abs(reference).max(axis=-1),
     )
-    ends = [np.vecdot(piece, piece) / last for piece in (end, before)]
-    quiet = np.stack([*ends, noise, mean_squares[..., 0]], axis=-1)
-    return _Transformed(levels, design.phasors(spectrum), quiet)
+    return _Transformed(levels, design.phasors(spectrum), _quiet(volts[:, :, 0], noise, design))
+
+
+def _quiet(velocity: Array, noise: Array, design: RecordDesign) -> Array:
+    """Compute mean squares of each record as `QUIET` lists them, shape (pixel, record, 4)."""
+    moving = velocity - design.offset(velocity)
+    last = max(1, round(END * design.samples))
+    pieces = [moving[..., -last:], moving[..., -2 * last : -last], moving]
+    end, before, whole = (np.vecdot(piece, piece) / piece.shape[-1] for piece in pieces)
+    return np.stack([end, before, noise, whole], axis=-1)

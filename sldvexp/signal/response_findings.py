@@ -38,6 +38,9 @@ ABOVE_NOISE = 3.0
 RESONANT = 4.0
 #: Share of a burst's response that may be left at the record's end.
 QUIET_ENOUGH = 1e-3
+#: Fall of the mean square over a record's last two pieces, in its standard errors by chance, from
+#: which something still dies away. Noise of any colour is as loud in both.
+CLEAR_FALL = 5.0
 #: Power at unexcited lines over the noise, from which it is distortion.
 DISTORTED = 1.5
 #: Power of the reference at a line over the median line's, below which there is none.
@@ -147,9 +150,8 @@ def _leakage(sums: ResponseSums, design: RecordDesign, view: str) -> list[Findin
     with np.errstate(invalid="ignore", divide="ignore"):
         power = np.nansum(sums.syy / sums.count[:, None], axis=0)
         response = np.nansum((np.abs(sums.sxy) / sums.sxx) ** 2, axis=0)
-    noise = np.median(rest)
     beyond = _noise_of_lines(sums, design)
-    noise = min(noise, beyond) if beyond > 0 else noise
+    noise = min(float(np.median(rest)), beyond or np.inf)
     error = (rest - noise) / power
     leaks = _resonances(response) & (rest > ABOVE_NOISE * noise) & (error > LEAST_ERROR)
     if not leaks.any():
@@ -173,18 +175,17 @@ def _tail(sums: ResponseSums, design: RecordDesign, view: str) -> list[Finding]:
     """Tell whether the response has died at the record's end, and how long that would take."""
     last = max(1, round(END * design.samples))
     total = dict(zip(QUIET, sums.quiet[sums.count > 0].sum(axis=0), strict=True))
-    window = design.window**2
-    noise = np.nan_to_num(total["noise"])
-    end, before = (
-        total[name] - noise * window[piece].mean()
-        for name, piece in (("end", slice(-last, None)), ("before", slice(-2 * last, -last)))
-    )
-    whole = total["record"] - noise
-    left = float(np.sqrt(max(end, 0.0) / whole)) if whole > 0 else 0.0
-    if left < QUIET_ENOUGH or total["end"] < DISTORTED * noise * window[-last:].mean():
+    noise, whole = np.nan_to_num(total["noise"]), total["record"]
+    fall = total["before"] - total["end"]
+    if fall < CLEAR_FALL * total["end"] * np.sqrt(4 / (last * sums.count.sum())):
+        return []
+    # Of the response: the noise beyond the band may be another than within, but a fall is none.
+    end = max(total["end"] - noise, min(fall, total["end"]))
+    left = float(np.sqrt(end / whole) * design.window[-last])
+    if left < QUIET_ENOUGH:
         return []
     seconds = design.record_seconds
-    rate = np.log(before / end) / 2 / (last / design.rate) if before > end else 1 / seconds
+    rate = np.log1p(fall / end) / (2 * last / design.rate)
     wanted = seconds + np.log(left / QUIET_ENOUGH) / rate
     text = (
         f"in view {view} {100 * left:.2g} % of the response is left at the end of records of "

@@ -23,8 +23,8 @@ from sldvexp.typing import Array, BoolArray, ComplexArray, IntArray
 END = 0.05
 #: Sums over records, of each pixel.
 SUMS = ("sxx", "syy", "sxy", "count", "left_out", "quiet")
-#: What `ResponseSums.quiet` sums: mean squares of a record's end and of as much before it, both
-#: windowed, of its noise, and of the whole record.
+#: What `ResponseSums.quiet` sums: mean squares of a record's end, of as much before it, of its
+#: noise, and of the whole record, all without offset and window.
 QUIET = ("end", "before", "noise", "record")
 
 
