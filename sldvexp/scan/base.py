@@ -68,9 +68,9 @@ class Sampling:
         Time constant of a hammer's exponential window; 0 for none.
     records : int
         That are averaged; with signal=sine_fit a pixel has one, whatever this says.
-    lead : int
-        Records that are let go by after each move, before the first that counts. A periodic signal
-        needs one, in which what the move or the generator's start set off dies.
+    lead : int, optional
+        Records that are let go by after each move, before the first that counts; without it one of
+        a signal that repeats, in which what the generator's start set off dies, and else none.
     trigger : Trigger
     again : int
         How many records of a pixel may be taken again in the place of those that an overload, a
@@ -90,7 +90,7 @@ class Sampling:
     burst: float = Excitation.burst
     decay: float = Excitation.decay
     records: int = 10
-    lead: int = 1
+    lead: int | None = None
     trigger: Trigger = Trigger.generator
     again: int = 10
     spare: float = 0.0
@@ -106,7 +106,7 @@ class Sampling:
         else:
             self._check_band(checks, name)
         for key in ("lead", "again"):
-            value = getattr(self, key)
+            value = getattr(self, key) or 0
             checks.require(value >= 0, f"{name}.{key}", f"must be 0 or more, not {value}")
         few = f"must be 2 or more, for one alone tells no error, not {self.records}"
         checks.require(self.records >= 2, f"{name}.records", few)
@@ -164,10 +164,34 @@ class Sampling:
         return self.excitation is not ExcitationKind.sine
 
     @property
+    def let_go(self) -> int:
+        """Records that are let go by after each move."""
+        return self.played.lead if self.lead is None else self.lead
+
+    @property
+    def samples_in_all(self) -> int:
+        """Samples behind each pixel."""
+        return self.samples * (self.records if self.broadband else 1)
+
+    @property
     def seconds(self) -> float:
-        """Time that the samples of a pixel take, s."""
-        records = self.lead + self.records if self.broadband else 1
-        return records * self.samples / self.rate
+        """Time that a pixel takes, s."""
+        let_go = self.let_go * self.samples if self.broadband else 0
+        return (let_go + self.samples_in_all) / self.rate
+
+    def amplitude_at(self, frequency: ArrayLike) -> Array:
+        """Give the nominal amplitude of the reference at lines, shape (line,), V.
+
+        Parameters
+        ----------
+        frequency : array_like, shape (line,), Hz
+        """
+        hertz = np.atleast_1d(np.asarray(frequency, float))
+        if not self.broadband:
+            return np.full(len(hertz), self.amplitude)
+        design = self.played.design(self.rate, self.samples)
+        nearest = np.abs(design.frequency - hertz[:, None]).argmin(axis=1)
+        return design.reference_amplitude[nearest]
 
 
 class Scan(ABC):

@@ -43,7 +43,7 @@ def acquisition_of(sampling: Sampling) -> Acquisition:
     if not s.broadband:
         return Acquisition(s.rate, s.samples, tuple(s.frequency), s.amplitude)
     design = s.played.design(s.rate, s.samples)
-    how = (s.records, s.lead, s.triggered)
+    how = (s.records, s.let_go, s.triggered)
     return Acquisition(s.rate, s.samples, (), s.amplitude, design, *how)
 
 

@@ -487,7 +487,7 @@ def truth_to_dataset(
     scene: VibratingScene,
     points: Array,
     frequency: ArrayLike,
-    amplitude: float,
+    amplitude: ArrayLike,
     places: Array | None = None,
     frames: Array | None = None,
 ) -> xr.Dataset:
@@ -498,7 +498,7 @@ def truth_to_dataset(
     points : ndarray, shape (node, 3), m
         In the world.
     frequency : array_like, shape (frequency,), Hz
-    amplitude : float, V
+    amplitude : array_like, shape () or (frequency,), V
         Of the excitation at each frequency.
     places : ndarray, shape (place, 3), m, optional
         Where the strain is wanted.
@@ -513,10 +513,10 @@ def truth_to_dataset(
     """
     plate = VibratingPlate.built(scene.plate)
     hertz = np.atleast_1d(np.asarray(frequency, float))
-    velocity = np.stack([amplitude * plate.velocity(points, f) for f in hertz], axis=-1)
+    velocity = amplitude * np.stack([plate.velocity(points, f) for f in hertz], axis=-1)
     strain = None
     if places is not None:
-        strain = np.stack([amplitude * plate.strain(places, f, frames) for f in hertz], axis=-1)
+        strain = amplitude * np.stack([plate.strain(places, f, frames) for f in hertz], axis=-1)
     coords = {"node": np.arange(len(points)), "frequency": hertz}
     if places is not None:
         coords["strain_component"] = np.array(["ss", "tt", "st"])
