@@ -33,7 +33,7 @@ from sldvexp.signal.response_function import (
     ResponseFunction,
     response_function,
 )
-from sldvexp.signal.response_sums import END, ResponseSums
+from sldvexp.signal.response_sums import ResponseSums
 from sldvexp.signal.sine_fit import SineFit
 from sldvexp.typing import Array, ComplexArray, IntArray
 
@@ -152,11 +152,8 @@ class Response(SineFit):
         if parts:
             levels = RecordLevels.concatenated([part.levels for part in parts])
             faults = find_record_faults(levels, self.flags, good)
-            phasors, quiet = (
-                np.concatenate([getattr(part, name) for part in parts])
-                for name in ("phasors", "quiet")
-            )
-            sums.add(phasors[:, :, 1], phasors[:, :, 0], faults, quiet)
+            phasors = np.concatenate([part.phasors for part in parts])
+            sums.add(phasors[:, :, 1], phasors[:, :, 0], faults, levels.noise)
         return sums
 
     def response(self, sums: ResponseSums, design: RecordDesign) -> ResponseFunction:
@@ -195,11 +192,10 @@ def _flags(sums: ResponseSums) -> NDArray[np.uint8]:
 
 
 class _Transformed(NamedTuple):
-    """Records of some pixels: levels, phasors (pixel, record, 2, read), quiet (..., 4)."""
+    """Records of some pixels: what they are judged by, phasors (pixel, record, 2, read)."""
 
     levels: RecordLevels
     phasors: ComplexArray
-    quiet: Array
 
 
 def _transform(counts: NDArray, design: RecordDesign, scale: Array, bounds: Array) -> _Transformed:
@@ -207,22 +203,13 @@ def _transform(counts: NDArray, design: RecordDesign, scale: Array, bounds: Arra
     saturated, finite = at_limits(counts, bounds), np.isfinite(counts).all(axis=(2, 3))
     volts = np.where(finite[..., None, None], counts, 0.0) * scale[:, None]
     spectrum = np.fft.rfft(design.windowed(volts), axis=-1)
-    noise, reference = noise_power(spectrum[:, :, 0], design), volts[:, :, 1]
+    reference = volts[:, :, 1]
     levels = RecordLevels(
         saturated,
         ~finite,
         double_hit(reference, design),
-        noise,
+        noise_power(spectrum[:, :, 0], design),
         np.sqrt(np.vecdot(reference, reference) / design.samples),
         np.abs(reference).max(axis=-1),
     )
-    return _Transformed(levels, design.phasors(spectrum), _quiet(volts[:, :, 0], noise, design))
-
-
-def _quiet(velocity: Array, noise: Array, design: RecordDesign) -> Array:
-    """Compute mean squares of each record as `QUIET` lists them, shape (pixel, record, 4)."""
-    moving = velocity - design.offset(velocity)
-    last = max(1, round(END * design.samples))
-    pieces = [moving[..., -last:], moving[..., -2 * last : -last], moving]
-    end, before, whole = (np.vecdot(piece, piece) / piece.shape[-1] for piece in pieces)
-    return np.stack([end, before, noise, whole], axis=-1)
+    return _Transformed(levels, design.phasors(spectrum))

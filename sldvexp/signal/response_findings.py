@@ -11,9 +11,10 @@ itself. Of Hann's window ``1 - A`` is about ``1 / (3 (T zeta f_n)^2)``. Noise al
 coherence, but no more at resonances than elsewhere; the residual power of the other lines is taken
 for noise and subtracted.
 
-**Tails** of bursts and hits that are cut off. What a record's end still has of the response, over
-the whole, is about the error at the slowest resonance, and leaves the coherence as it is. The decay
-between the last two pieces of the record tells how long it would have to be.
+**Tails** of bursts and hits that are cut off. H from a record of the length T has of the impulse
+response what a record has room for: all of it up to the lag from the end of the burst to the
+record's end, less and less beyond. What is left of it at that lag is about the error at the slowest
+resonance, and leaves the coherence as it is. The decay before it tells how long it would take.
 
 **Distortion** shows on lines that are not excited. Noise there is that of the excited lines'
 residuals.
@@ -25,9 +26,10 @@ import numpy as np
 
 from sldvexp.dataset import Finding, Severity
 from sldvexp.lazy import scipy
-from sldvexp.signal.excitation import ExcitationKind, RecordDesign
+from sldvexp.signal.excitation import BEFORE_PULSE, ExcitationKind, RecordDesign
 from sldvexp.signal.record_faults import RecordFault
-from sldvexp.signal.response_sums import END, QUIET, ResponseSums
+from sldvexp.signal.response_function import LEAST_RECORDS, response_function
+from sldvexp.signal.response_sums import ResponseSums
 from sldvexp.typing import Array, BoolArray, IndexArray
 
 #: Relative error of a response function that is worth a word.
@@ -38,9 +40,13 @@ ABOVE_NOISE = 3.0
 RESONANT = 4.0
 #: Share of a burst's response that may be left at the record's end.
 QUIET_ENOUGH = 1e-3
-#: Fall of the mean square over a record's last two pieces, in its standard errors by chance, from
-#: which something still dies away. Noise of any colour is as loud in both.
-CLEAR_FALL = 5.0
+#: Share of a record over which the end of an impulse response is averaged.
+END = 0.05
+#: Share of the band that is tapered at either end, so that the response's beginning does not
+#: ring on through all lags.
+TAPER = 0.1
+#: An energy in its standard errors by chance, from which it is none.
+CLEAR = 5.0
 #: Power at unexcited lines over the noise, from which it is distortion.
 DISTORTED = 1.5
 #: Power of the reference at a line over the median line's, below which there is none.
@@ -173,28 +179,37 @@ def _leakage(sums: ResponseSums, design: RecordDesign, view: str) -> list[Findin
 
 def _tail(sums: ResponseSums, design: RecordDesign, view: str) -> list[Finding]:
     """Tell whether the response has died at the record's end, and how long that would take."""
-    last = max(1, round(END * design.samples))
-    total = dict(zip(QUIET, sums.quiet[sums.count > 0].sum(axis=0), strict=True))
-    noise, whole = np.nan_to_num(total["noise"]), total["record"]
-    fall = total["before"] - total["end"]
-    if fall < CLEAR_FALL * total["end"] * np.sqrt(4 / (last * sums.count.sum())):
-        return []
-    # Of the response: the noise beyond the band may be another than within, but a fall is none.
-    end = max(total["end"] - noise, min(fall, total["end"]))
-    left = float(np.sqrt(end / whole) * design.window[-last])
-    if left < QUIET_ENOUGH:
+    energy, noise, pixels = _impulse_energy(sums)
+    count = len(energy)
+    burst = design.excitation.kind is ExcitationKind.burst_random
+    room = (1 - design.excitation.burst) if burst else 1 - 2 * BEFORE_PULSE
+    last = max(1, round(END * count))
+    ends = [int(room * count) - k * last for k in (0, 1)]
+    end, before = (float(np.mean(energy[max(0, k - last) : k])) - noise for k in ends)
+    whole = float(np.mean(energy[:last])) - noise
+    left = np.sqrt(max(end, 0.0) / whole) if whole > 0 else 0.0
+    if left < QUIET_ENOUGH or end < CLEAR * noise / np.sqrt(last * pixels):
         return []
     seconds = design.record_seconds
-    rate = np.log1p(fall / end) / (2 * last / design.rate)
-    wanted = seconds + np.log(left / QUIET_ENOUGH) / rate
+    rate = max(np.log(before / end) / (2 * END) if before > end else 1.0, 1.0) / seconds
+    wanted = seconds + np.log(left / QUIET_ENOUGH) / rate / room
     text = (
         f"in view {view} {100 * left:.2g} % of the response is left at the end of records of "
         f"{seconds:.3g} s, which cuts it off: response functions at resonances are too small by "
-        f"about as much and standard errors do not say so; take records of {wanted:.2g} s, or a "
-        "shorter burst"
+        "about as much, at the slowest by more, and standard errors do not say so; take records "
+        f"of {wanted:.2g} s, or a shorter burst"
     )
     severity = Severity.void if left > LEAST_ERROR else Severity.doubtful
-    return [Finding("tail", f"view {view}", text, severity, size=left)]
+    return [Finding("tail", f"view {view}", text, severity, size=float(left))]
+
+
+def _impulse_energy(sums: ResponseSums) -> tuple[Array, float, int]:
+    """Compute the squared impulse response by its lag, pixels summed, its noise and the pixels."""
+    found = response_function(sums.of_pixels(sums.count >= LEAST_RECORDS))
+    taper = scipy.signal.windows.tukey(len(found.frequency), 2 * TAPER)
+    impulse = np.fft.ifft(found.response * taper, axis=1) * len(taper)
+    noise = float(np.sum(2 * (found.std * taper) ** 2))
+    return np.asarray((np.abs(impulse) ** 2).sum(axis=0)), noise, len(found.records)
 
 
 def _distortion(
@@ -239,7 +254,7 @@ def _residual_power(sums: ResponseSums) -> Array:
 
 def _noise_of_lines(sums: ResponseSums, design: RecordDesign) -> float:
     """Compute the power that the noise beyond the band would have at a line, pixels summed."""
-    per_sample = sums.quiet[:, QUIET.index("noise")] / np.maximum(sums.count, 1)
+    per_sample = sums.noise / np.maximum(sums.count, 1)
     window = design.window
     return float(np.nansum(per_sample) * 4 * (window**2).sum() / window.sum() ** 2)
 

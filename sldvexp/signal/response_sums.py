@@ -4,7 +4,7 @@ With the phasors X of the reference and Y of the response of one record,
 ``Sxx = sum |X|^2``, ``Syy = sum |Y|^2`` and ``Sxy = sum conj(X) Y`` over the records that are good:
 32 bytes a pixel and line, however many records there are. Records may come in any pieces, pixel by
 pixel or record by record, and also after a session was cut off. Beside them stands per pixel how
-many records were left out for which fault, and how loud the records' ends are.
+many records were left out for which fault, and the noise beyond the band.
 """
 
 from __future__ import annotations
@@ -19,13 +19,8 @@ from sldvexp.errors import UserError
 from sldvexp.signal.record_faults import RecordFault
 from sldvexp.typing import Array, BoolArray, ComplexArray, IntArray
 
-#: Share of a record at its end that must be quiet after a burst or a hit.
-END = 0.05
 #: Sums over records, of each pixel.
-SUMS = ("sxx", "syy", "sxy", "count", "left_out", "quiet")
-#: What `ResponseSums.quiet` sums: mean squares of a record's end, of as much before it, of its
-#: noise, and of the whole record, all without offset and window.
-QUIET = ("end", "before", "noise", "record")
+SUMS = ("sxx", "syy", "sxy", "count", "left_out", "noise")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -45,8 +40,8 @@ class ResponseSums:
         Good records.
     left_out : ndarray of int, shape (pixel, fault)
         Records with each `RecordFault`, by the first of those that a record has.
-    quiet : ndarray, shape (pixel, 4), (m/s)2
-        Sums over good records, in the order of `QUIET`.
+    noise : ndarray, shape (pixel,), (m/s)2
+        Sum of the mean squares of the records' noise, as it is beyond the band.
 
     Examples
     --------
@@ -64,7 +59,7 @@ class ResponseSums:
     sxy: ComplexArray
     count: IntArray
     left_out: IntArray
-    quiet: Array
+    noise: Array
 
     def __repr__(self) -> str:
         pixels, lines = self.sxx.shape
@@ -83,7 +78,7 @@ class ResponseSums:
             np.zeros(shape, complex),
             np.zeros(pixels, np.int64),
             np.zeros((pixels, len(RecordFault)), np.int64),
-            np.zeros((pixels, len(QUIET))),
+            np.zeros(pixels),
         )
 
     def add(
@@ -91,7 +86,7 @@ class ResponseSums:
         reference: ArrayLike,
         response: ArrayLike,
         faults: ArrayLike | None = None,
-        quiet: ArrayLike | None = None,
+        noise: ArrayLike | None = None,
         pixels: slice | None = None,
     ) -> None:
         """Add records; those with a fault are only counted.
@@ -102,8 +97,8 @@ class ResponseSums:
             Phasors X in V and Y in m/s, as `RecordDesign.spectra` gives them.
         faults : array_like of int, shape (pixel, record), optional
             Bits of `RecordFault`.
-        quiet : array_like, shape (pixel, record, 4), (m/s)2, optional
-            Mean squares as `QUIET` lists them.
+        noise : array_like, shape (pixel, record), (m/s)2, optional
+            Mean squares of the records' noise.
         pixels : slice, optional
             Which pixels they are of; all without it.
         """
@@ -125,8 +120,8 @@ class ResponseSums:
         first = found & -found.astype(np.int64)  # the lowest bit
         for k, fault in enumerate(RecordFault):
             self.left_out[where, k] += (first == fault).sum(axis=1)
-        if quiet is not None:
-            self.quiet[where] += np.where(good[..., None], quiet, 0).sum(axis=1)
+        if noise is not None:
+            self.noise[where] += np.where(good, noise, 0).sum(axis=1)
 
     def merged(self, other: ResponseSums) -> ResponseSums:
         """Join further records of the same pixels."""
@@ -148,6 +143,10 @@ class ResponseSums:
         """Keep some lines only; `lines` is True where one stays."""
         kept = {name: getattr(self, name)[:, lines] for name in ("sxx", "syy", "sxy")}
         return replace(self, frequency=self.frequency[lines], **kept)
+
+    def of_pixels(self, pixels: BoolArray) -> ResponseSums:
+        """Keep some pixels only; `pixels` is True where one stays."""
+        return replace(self, **{name: getattr(self, name)[pixels] for name in SUMS})
 
     def to_arrays(self) -> dict[str, NDArray]:
         """Give the arrays that a journal keeps; `from_arrays` makes the same sums of them."""
