@@ -38,6 +38,7 @@ CHAPTERS = {
         "velocity_images",
         "fields",
         "shell",
+        "modes",
         "theory",
         "virtual_lab",
     ),

@@ -113,7 +113,7 @@ class Experiment:
     seed : int
         Seed of the run's one random generator.
     target, laser, scene, scan, instrument, signal : plugin
-    pose, volume, reconstruction, material, solver, stream : plugin
+    pose, volume, reconstruction, material, solver, stream, modal : plugin
         A stage without a plugin is left out.
     compare_scan : dict of str to scan
         Further scans with the same instrument, for the pose methods of the same names.
@@ -222,6 +222,7 @@ class Experiment:
         chosen="iterative",
     )
     stream: Any = one_of("stream", {"dask": "sldvexp.field.streaming.dask"})
+    modal: Any = one_of("modal", {"own": "sldvexp.modes.own"})
     compare_scan: dict[str, Any] = several_of("scan")
     compare_pose: dict[str, Any] = several_of("pose", makes="compare_pose")
     compare: dict[str, Any] = several_of("reconstruction", makes="compare")

@@ -90,6 +90,42 @@ VARIABLES: dict[str, dict[str, Variable]] = {
         ),
         "records": _V("pixel", "1", "good records behind the pixel"),
         "left_out": _V("pixel fault", "1", "records that have the fault and were left out"),
+        "scale_std": _V(
+            "[frequency]", "1", "standard error of a factor that all pixels of a mode share"
+        ),
+    },
+    "modes": {
+        "natural_frequency": _V("mode", "Hz", "natural frequency: modulus of the pole over 2 pi"),
+        "natural_frequency_std": _V("mode", "Hz", "its standard error"),
+        "damping_ratio": _V("mode", "1", "damping over critical"),
+        "damping_ratio_std": _V("mode", "1", "its standard error"),
+        "pole_covariance": _V(
+            "pole_parameter pole_parameter2",
+            "1",
+            "covariance of ln natural frequency of all modes, then of ln damping ratio",
+        ),
+        "scale_std": _V("mode", "1", "standard error of a factor of the mode's whole shape"),
+        "mixing_std": _V(
+            "mode mode2", "1", "standard error of the share of the second mode in the first's shape"
+        ),
+        "complexity": _V("mode", "1", "1 - modal phase collinearity; 0 if all moves in phase"),
+        "complexity_std": _V("mode", "1", "its standard error"),
+        "phase": _V("mode", "rad", "phase of the mode at resonance against the reference", "deg"),
+        "misfit": _V("", "1", "variance of what the modes leave over, over that of the noise"),
+        "misfit_dof": _V("", "1", "real degrees of freedom behind it"),
+        "misfit_p_value": _V("", "1", "probability of such a misfit if only noise is left over"),
+        "misfit_by_line": _V("line", "1", "the same of each line"),
+        "line_frequency": _V("line", "Hz", "frequency of the measured line"),
+        "noise_ratio": _V("", "1", "noise found beside the signals, over the stated one"),
+        "measured_rms": _V("line", "m/s", "r.m.s. velocity of all pixels"),
+        "synthesis_rms": _V("line", "m/s", "the same of the modes"),
+        "residual_rms": _V("line", "m/s", "the same of measured minus synthesised"),
+        "noise_rms": _V("line", "m/s", "r.m.s. stated noise of all pixels, of both parts"),
+        "candidate_order": _V("candidate", "1", "order of the fit that has the pole"),
+        "candidate_frequency": _V("candidate", "Hz", "its natural frequency"),
+        "candidate_damping": _V("candidate", "1", "its damping ratio"),
+        "candidate_stable": _V("candidate", "1", "1 where the order below has it too"),
+        "candidate_mode": _V("candidate", "1", "number of its mode; 0 of none"),
     },
     "pose": {
         "origin": _V("view axis", "m", "origin of the laser frame in the world"),
