@@ -239,6 +239,7 @@ class Experiment:
             "faces": "sldvexp.check.faces",
             "field_pattern": "sldvexp.check.field_pattern",
             "gages": "sldvexp.check.gages",
+            "image_truth": "sldvexp.check.image_truth",
             "kreis": "sldvexp.check.kreis",
             "left_out": "sldvexp.check.left_out",
             "lever_arm": "sldvexp.check.lever_arm",

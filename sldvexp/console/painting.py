@@ -21,7 +21,7 @@ from sldvexp.config.experiment import Experiment
 from sldvexp.console.board import NoticeBoard
 from sldvexp.scan import ImageScan
 from sldvexp.session import LineDone
-from sldvexp.session.watching import complex_pixels
+from sldvexp.session.watching import pixels_of
 from sldvexp.signal import Flag
 from sldvexp.typing import IntArray
 
@@ -103,7 +103,7 @@ class Painter:
         first = lines[0]
         if first.view != self._view:
             self._view, self.flagged, self.bad = first.view, {}, {}
-        image = complex_pixels(first.signal, first.acquisition, [line.samples for line in lines])
+        image = pixels_of(first.signal, first.acquisition, [line.samples for line in lines])
         flags = image.flags.astype(np.uint8)
         value = MILLI * np.abs(image.velocity[:, 0])
         value = np.where(np.isfinite(value), value, 0.0).astype(np.float32)
@@ -147,7 +147,7 @@ def _alike(lines: Sequence[LineDone]) -> Iterator[list[LineDone]]:
     """Yield lines that follow one another and were scanned alike, in their order."""
 
     def how(line: LineDone) -> tuple[object, ...]:
-        return line.view, line.lines, line.acquisition, line.samples.rate
+        return line.view, line.lines, line.acquisition, getattr(line.samples, "rate", None)
 
     for _, together in groupby(lines, how):
         yield list(together)

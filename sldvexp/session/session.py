@@ -82,7 +82,7 @@ def scan_views(
     views = _ahead(aimed, journal)
     watcher.session_begun(views)
     found: dict[str, xr.Dataset] = {}
-    skipped: list[Finding] = []
+    told: list[Finding] = []
     for view in views:
         watcher.view_begun(view)
         arrive = partial(_arrive, e, view.name, operator, journal / view.name)
@@ -91,8 +91,9 @@ def scan_views(
         with Camera(arrive, e.signal, kept, *plan) as camera:
             at = ViewContext(view.name, camera, e.laser, e.target, operator, guide=guide)
             groups = _scan_parts(e.scan.parts(view.name), at)
+        told += at.findings
         if camera.skipped:
-            skipped.append(_skipped(view, camera.lines_done))
+            told.append(_skipped(view, camera.lines_done))
         watcher.view_done(view, groups)
         found |= {name: keep(name, g) if keep else g for name, g in groups.items()}
     if not found:
@@ -101,8 +102,8 @@ def scan_views(
         )
     watcher.session_done()
     first = next(iter(found))
-    if skipped:
-        found[first] = with_findings(found[first], skipped)
+    if told:
+        found[first] = with_findings(found[first], told)
     return joined(found)
 
 
@@ -142,7 +143,7 @@ def _ahead(scan: Scan, journal: Path) -> tuple[ViewAhead, ...]:
 
 
 def estimate(scan: Scan) -> str:
-    """Estimate how long the session takes at least, and at six pixels a second.
+    """Estimate how long the session takes at least, and at six pixels a second if that is longer.
 
     Pixels that search circles from a rough pose are not among those.
     """
@@ -153,10 +154,11 @@ def estimate(scan: Scan) -> str:
     if not pixels:
         how = "by digitizer" if any(part.kind == "spots" for part, _ in parts) else "by hand"
         return f"scan: {how}, views {', '.join(views)}"
-    return (
-        f"scan: {pixels} pixels in {len(views)} views, {seconds:.0f} s of samples "
-        f"({pixels / PIXELS_PER_SECOND / 60:.0f} min on an instrument of 6 pixels a second)"
-    )
+    told = f"scan: {pixels} pixels in {len(views)} views, {seconds:.0f} s of samples"
+    if seconds > pixels / PIXELS_PER_SECOND:
+        return told
+    minutes = pixels / PIXELS_PER_SECOND / 60
+    return f"{told} ({minutes:.0f} min on an instrument of 6 pixels a second)"
 
 
 def takes_samples(scan: Scan) -> bool:

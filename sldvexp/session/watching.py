@@ -17,7 +17,14 @@ import numpy as np
 
 from sldvexp.instrument import Acquisition, RawSamples, Status
 from sldvexp.lazy import xarray as xr
-from sldvexp.signal import ComplexImage, Flag, SignalEstimator
+from sldvexp.signal import (
+    ComplexImage,
+    Flag,
+    Response,
+    ResponseImage,
+    ResponseSums,
+    SignalEstimator,
+)
 from sldvexp.typing import IntArray
 
 
@@ -91,7 +98,8 @@ class LineDone:
     number, count : int
         Line `number` of `count` such lines, from 1.
     dac : ndarray of int, shape (pixel, 2), steps
-    samples : RawSamples
+    samples : RawSamples or ResponseSums
+        Of a broadband excitation, the sums of its records.
     kept : bool
         Whether it was in the journal before, and nothing was scanned.
     again : bool
@@ -106,23 +114,28 @@ class LineDone:
     number: int
     count: int
     dac: IntArray
-    samples: RawSamples
+    samples: RawSamples | ResponseSums
     kept: bool
     again: bool
     acquisition: Acquisition
     signal: SignalEstimator
 
     @cached_property
-    def image(self) -> ComplexImage:
+    def image(self) -> ComplexImage | ResponseImage:
         """Complex pixels of this line alone, with their flags.
 
         The session makes them of all lines together, which with `refine` gives other frequencies.
         """
-        return complex_pixels(self.signal, self.acquisition, [self.samples])
+        return pixels_of(self.signal, self.acquisition, [self.samples])
 
     @property
     def level(self) -> tuple[float, float]:
-        """Largest sample of velocity and of reference, V."""
+        """Largest sample of velocity and of reference, V; of sums their r.m.s. at all lines."""
+        if isinstance(self.samples, ResponseSums):
+            assert isinstance(self.signal, Response)
+            sums, records = self.samples, max(self.samples.count.sum(), 1)
+            volts = np.sqrt([sums.syy.sum() / 2 / records, sums.sxx.sum() / 2 / records])
+            return float(volts[0] / abs(self.signal.velocity_per_volt)), float(volts[1])
         most = np.abs(self.samples.counts.astype(np.int32)).max(axis=(0, 2))
         velocity, reference = most * self.samples.volts_per_count
         return float(velocity), float(reference)
@@ -223,6 +236,18 @@ def in_words(lines: str) -> str:
     """
     circle, _, stage = lines.partition("_")
     return f"circle {circle}, {stage} line" if stage else "line"
+
+
+def pixels_of(
+    signal: SignalEstimator, acquisition: Acquisition, lines: Sequence[RawSamples | ResponseSums]
+) -> ComplexImage | ResponseImage:
+    """Turn samples of some lines, or sums of their records, into complex pixels."""
+    if acquisition.drive is None:
+        samples = [line for line in lines if isinstance(line, RawSamples)]
+        return complex_pixels(signal, acquisition, samples)
+    assert isinstance(signal, Response)
+    sums = [line for line in lines if isinstance(line, ResponseSums)]
+    return signal.image(ResponseSums.concatenated(sums), acquisition.drive)
 
 
 def complex_pixels(

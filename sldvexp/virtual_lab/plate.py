@@ -330,11 +330,8 @@ class VibratingPlate(SceneObject):
             center=plate.place,
         )
 
-    def seen(self, beams: Beams, frequency: Array) -> tuple[Array, ComplexArray]:
-        """Compute the distance to the surface and the velocity at the beam's axis.
-
-        See `SceneObject`.
-        """
+    def terms(self, beams: Beams) -> tuple[Array, Array]:
+        """See `SceneObject`: the modes' motion at the beam's axis, along the line of sight."""
         direction = beams.direction @ self.rotation.T
         origin = (beams.origin - self.center) @ self.rotation.T
         distance, along_sight, behind = self._seen_of_side(origin, direction)
@@ -342,8 +339,11 @@ class VibratingPlate(SceneObject):
             back = replace(self, surface=self.surface.back)
             own = back._seen_of_side(origin[behind], direction[behind])
             distance[behind], along_sight[behind] = own[:2]
-        response = self.modes.response(frequency)
-        return distance, np.einsum("bm,mf->bf", along_sight, response)
+        return distance, along_sight
+
+    def spectra(self, frequency: Array) -> ComplexArray:
+        """See `SceneObject`: the modes' responses."""
+        return self.modes.response(frequency)
 
     def _seen_of_side(self, origin: Array, direction: Array) -> tuple[Array, Array, BoolArray]:
         """Compute distances, velocities of modes along beams, and which beams come from behind."""
@@ -503,7 +503,7 @@ def truth_to_dataset(
     scene: VibratingScene,
     points: Array,
     frequency: ArrayLike,
-    amplitude: float,
+    amplitude: ArrayLike,
     places: Array | None = None,
     frames: Array | None = None,
 ) -> xr.Dataset:
@@ -514,7 +514,7 @@ def truth_to_dataset(
     points : ndarray, shape (node, 3), m
         In the world.
     frequency : array_like, shape (frequency,), Hz
-    amplitude : float, V
+    amplitude : array_like, shape () or (frequency,), V
         Of the excitation at each frequency.
     places : ndarray, shape (place, 3), m, optional
         Where the strain is wanted.
@@ -529,10 +529,10 @@ def truth_to_dataset(
     """
     plate = VibratingPlate.built(scene.plate)
     hertz = np.atleast_1d(np.asarray(frequency, float))
-    velocity = np.stack([amplitude * plate.velocity(points, f) for f in hertz], axis=-1)
+    velocity = amplitude * np.stack([plate.velocity(points, f) for f in hertz], axis=-1)
     strain = None
     if places is not None:
-        strain = np.stack([amplitude * plate.strain(places, f, frames) for f in hertz], axis=-1)
+        strain = amplitude * np.stack([plate.strain(places, f, frames) for f in hertz], axis=-1)
     coords = {"node": np.arange(len(points)), "frequency": hertz}
     if places is not None:
         coords["strain_component"] = np.array(["ss", "tt", "st"])
