@@ -152,8 +152,9 @@ class Server:
 
     async def _page_of_run(self, request: Request) -> Response:
         """Give the page of the run that was finished last."""
-        page = self.page_of_run()
-        if not self._known(request.path_params["token"]) or page is None or not page.is_file():
+        known = self._known(request.path_params["token"])  # first: a stranger has nothing looked up
+        page = self.page_of_run() if known else None
+        if page is None or not page.is_file():
             return PlainTextResponse(NOT_HERE, 404)
         return FileResponse(page, headers={"content-security-policy": APART})
 
