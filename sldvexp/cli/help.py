@@ -80,8 +80,8 @@ COMMAND_HELP = {
             "of an experiment what it chooses, sets and expects. Part of a name is enough; if it "
             "fits several, they are listed.",
             "Of a run, given by its folder, it shows every number, finding and note, where the run "
-            "itself ends in five lines; of one that failed or was cut off, why, what it has and how "
-            "it goes on; of a sweep, the table of its runs.",
+            "itself ends in five lines; of one that failed or was cut off, why, what it has and "
+            "how it goes on; of a sweep, the table of its runs.",
         ),
         (
             ("show pose=edge", "every setting of that method"),

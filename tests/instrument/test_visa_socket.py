@@ -272,7 +272,7 @@ def test_a_stand_that_only_has_the_name_of_a_planned_one_is_another(own_folder):
 
 def test_who_chooses_no_scene_is_told_their_own_ones(own_folder):
     (own_folder / "experiment" / "planned.yaml").write_text(PLANNED)
-    with pytest.raises(UserError, match="there is no scene to serve; choose scene=mine$"):
+    with pytest.raises(UserError, match=r"there is no scene to serve; choose scene=mine$"):
         console.serve(["experiment=planned"], port=0, config_dir=str(own_folder))
 
 
