@@ -144,7 +144,7 @@ def test_a_shutter_that_is_closed(measured):
 def test_nobody_there(line):
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
-    told = rf"^connecting: device lab: TCPIP::127.0.0.1::{port}::SOCKET cannot be reached: Connection r"
+    told = rf"^connecting: device lab: TCPIP::127.0.0.1::{port}::SOCKET cannot be reached: "
     with (
         pytest.raises(InstrumentError, match=told),
         Visa(f"TCPIP::127.0.0.1::{port}::SOCKET").open(),
