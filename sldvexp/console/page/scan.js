@@ -4,13 +4,6 @@ import { Cells, paintRamp } from "./cells.js";
 
 const $ = (id) => document.getElementById(id);
 
-/** Say a time as people do. */
-export function inWords(seconds) {
-  if (seconds < 90) return `${Math.round(seconds)} s`;
-  const minutes = Math.round(seconds / 60);
-  return minutes < 90 ? `${minutes} min` : `${Math.floor(minutes / 60)} h ${minutes % 60} min`;
-}
-
 export class Scan {
   constructor(page) {
     this.page = page;
