@@ -15,7 +15,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from sldvexp.config.experiment import Experiment
-from sldvexp.console.afterwards import Advise, Afterwards
+from sldvexp.console.afterwards import Advice, Advise, Afterwards
 from sldvexp.console.board import NoticeBoard
 from sldvexp.console.marks import AimedMarks, AimedPerson
 from sldvexp.console.painting import Painter
@@ -38,7 +38,9 @@ class Scanning(Watcher):
     board : NoticeBoard
     wishes : queue of dict
     advise : callable, optional
-        Sentences on what to do after a view, see `sldvexp.console.afterwards`.
+        Says what to do after a view, see `sldvexp.console.afterwards`.
+    advised : callable, optional
+        Gets that.
 
     Attributes
     ----------
@@ -52,6 +54,7 @@ class Scanning(Watcher):
         board: NoticeBoard,
         wishes: queue.Queue[dict[str, Any]],
         advise: Advise | None = None,
+        advised: Callable[[Advice], None] | None = None,
     ) -> None:
         self.board, self.wishes = board, wishes
         self.stopped = self.lost = self.paused = False
@@ -63,7 +66,7 @@ class Scanning(Watcher):
         self._lock = threading.Lock()  # of the progress, of which the painter's thread tells too
         self._last: LineDone | None = None
         self._painter = Painter(experiment, board, self._tell)
-        self._afterwards = Afterwards(experiment, self._tell_done, advise, self._tell_advice)
+        self._afterwards = Afterwards(experiment, self._tell_done, advise, advised)
         board.tell("done", [])
 
     # ---- what a session tells ----
@@ -183,9 +186,6 @@ class Scanning(Watcher):
 
     def _tell_done(self, told: Mapping[str, list[str]]) -> None:
         self.board.tell("done", [{"name": name, "told": told[name]} for name in told])
-
-    def _tell_advice(self, told: list[str]) -> None:
-        self.board.tell("planned", told)
 
     def _tell(self) -> None:
         """Tell how far the scan is; in any thread."""

@@ -152,7 +152,7 @@ def _searches(part: ScanPart, view: str) -> bool:
 def estimate(scan: Scan, searches: bool = False) -> str:
     """Estimate how long the session takes at least, and at six pixels a second.
 
-    Pixels that search circles from a rough pose are not among those; if it `searches`, that is said.
+    Pixels that search circles from a rough pose are not among those; if it `searches`, it says so.
     """
     views = scan.view_names()
     parts = [(part, view) for view in views for part in scan.parts(view)]

@@ -72,8 +72,8 @@ def serve(
     try:
         server = LabServer(lab, host, port)
     except OSError as error:
-        told = f"cannot listen on {host}, port {port}: {os.strerror(error.errno or 0)}"
-        raise UserError(f"{told}; --port 0 takes a free one") from None
+        why = f"cannot listen on {host}, port {port}: {os.strerror(error.errno or 0)}"
+        raise UserError(f"{why}; --port 0 takes a free one") from None
     with server, suppress(KeyboardInterrupt):
         print("\n".join([server.resource, *told]), flush=True)
         server.stopping.wait()

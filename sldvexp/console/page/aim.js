@@ -18,6 +18,7 @@ export class Aim {
     this.wanted = {};
     this.chosen = null;
     this.step = 10;
+    this.raster = [];
     paintRamp($("ramp"));
     this.topics = {
       setup: (word) => this.setUp(word),
@@ -96,10 +97,32 @@ export class Aim {
     $("flags").textContent = word.flags.length ? `not to be trusted: ${word.flags.join(", ").replaceAll("_", " ")}` : "good";
   }
 
-  showRaster(header, [dac, value, flag]) {
-    if (header.begin) this.map.forget();
-    else this.map.add(dac, value, flag, header.cell);
-    $("range").textContent = `0 to ${this.map.top.toPrecision(3)} mm/s`;
+  showRaster(header, arrays) {
+    if (header.begin) {
+      this.raster = [];
+      this.map.forget();
+    } else {
+      this.raster.push({ cell: header.cell, arrays });
+      this.addToMap(header.cell, arrays);
+    }
+    this.showRange();
+  }
+
+  /** Add a part of the quick look: the velocity with its flags, or the reference's level. */
+  addToMap(cell, [dac, velocity, flag, reference]) {
+    if ($("shown").value === "reference") this.map.add(dac, reference, new Uint8Array(flag.length), cell);
+    else this.map.add(dac, velocity, flag, cell);
+  }
+
+  showRange() {
+    $("range").textContent = `0 to ${this.map.top.toPrecision(3)} ${$("shown").value === "reference" ? "V" : "mm/s"}`;
+  }
+
+  /** Show the other quantity of the same look. */
+  showOther() {
+    this.map.forget();
+    for (const { cell, arrays } of this.raster) this.addToMap(cell, arrays);
+    this.showRange();
   }
 
   // ---- marks ----
@@ -238,6 +261,7 @@ export class Aim {
     actions.write = () => this.page.wish("write", { name: $("name").value.trim(), replace: $("replace").checked });
     actions.start = () => this.page.wish("scan", { name: $("name").value.trim(), replace: $("replace").checked });
     for (const [id, action] of Object.entries(actions)) $(id).addEventListener("click", action);
+    $("shown").addEventListener("change", () => this.showOther());
     $("view").addEventListener("change", () => this.page.wish("view", { name: $("view").value }));
     for (const radio of document.querySelectorAll("[name=step]")) radio.addEventListener("change", () => this.setStep(Number(radio.value)));
     for (const id of ["slide-up", "slide-left"]) {
@@ -305,8 +329,8 @@ function drawCross(context, [x, y], colour, text) {
 
 function showCamera(header, [grey]) {
   const canvas = $("camera");
+  $("camera-box").hidden = !grey;  // an instrument that is left or lost shows nothing
   if (!grey) return;
-  $("camera-box").hidden = false;
   canvas.width = header.columns;
   canvas.height = header.rows;
   const context = canvas.getContext("2d"), image = context.createImageData(header.columns, header.rows);
