@@ -8,6 +8,7 @@ import threading
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from sldvexp import dataset
 from sldvexp.config.experiment import Experiment
 from sldvexp.config.paths import RUN_FILE
 from sldvexp.console.afterwards import Advice, Advise
@@ -16,8 +17,9 @@ from sldvexp.console.board import NoticeBoard
 from sldvexp.console.scanning import Asked, Scanning
 from sldvexp.console.server import Server
 from sldvexp.console.written import CHOICE, settings_with, write_experiment
+from sldvexp.dataset import RunData
 from sldvexp.errors import UserError
-from sldvexp.report import REPORT_FILE
+from sldvexp.report import REPORT_FILE, closing_lines
 from sldvexp.session import Operator, Watcher
 
 log = logging.getLogger(__name__)
@@ -130,8 +132,12 @@ class Console:
             self._ended(str(stop) or "stopped")
         else:
             self._page = folder / REPORT_FILE
-            told = f"The run is in {folder / RUN_FILE}."
-            self.board.tell("result", {"told": told, "page": self._page.is_file()})
+            told = f"The run is in {folder}."
+            with dataset.load(folder / RUN_FILE) as tree:
+                run = RunData.from_source(tree)
+                lines = [list(line) for line in closing_lines(run, [folder / RUN_FILE])]
+            page = self._page.is_file()
+            self.board.tell("result", {"told": told, "page": page, "lines": lines})
             self.board.tell("phase", "result")
             self.bench.say("The scan is done.")
         finally:

@@ -34,6 +34,8 @@ from sldvexp.typing import Array, IntArray
 
 #: Marks from which on their own pose is surer than a rough one.
 SURE = 4
+#: Distance by which a rough pose may be wrong, m.
+NEAR = 0.3
 #: Points of a circle's outline, and of a structure's at most.
 ROUND, MOST = 24, 200
 
@@ -86,7 +88,7 @@ class Outlook:
         aiming = Aiming(self.laser, list(self.places.values()))
         for name, steps in known.items():
             aiming.take(self.places[name].name, steps)
-        if view in self.rough and (len(known) < SURE or aiming.pose is None):
+        if view in self.rough and len(known) < SURE and self._near(view, aiming.poses):
             return self._by_rough_pose(known, view, aiming.contradiction())
         if aiming.pose is None:
             return Foresight(told=aiming.weakness() or aiming.contradiction())
@@ -101,6 +103,11 @@ class Outlook:
         wrong = aiming.contradiction() or aiming.weakness()
         found.told = f"{told} But {wrong}." if wrong else told
         return found
+
+    def _near(self, view: str, poses: Sequence[RoughPose]) -> bool:
+        """Tell whether a view's rough pose is among those that few marks allow."""
+        place = self.rough[view].place
+        return not poses or any(np.linalg.norm(pose.origin - place) < NEAR for pose in poses)
 
     def _by_rough_pose(self, known: Mapping[Name, Steps], view: str, wrong: str) -> Foresight:
         """Predict by a view's rough pose, corrected by the marks that there are."""

@@ -11,6 +11,7 @@ import queue
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from itertools import groupby
 from typing import Any
 
@@ -19,7 +20,8 @@ from numpy.typing import NDArray
 
 from sldvexp.config.experiment import Experiment
 from sldvexp.console.board import NoticeBoard
-from sldvexp.scan import ImageScan
+from sldvexp.scan import ImageScan, Scan
+from sldvexp.scan.calibration import CalibrationScan
 from sldvexp.session import LineDone
 from sldvexp.session.watching import SEARCH, complex_pixels
 from sldvexp.signal import Flag
@@ -31,11 +33,26 @@ log = logging.getLogger(__name__)
 GATHERED = 0.1
 #: Side of the square in which an image is drawn, over its own.
 AROUND = 1.06
-#: The same where a search is drawn, which goes on beyond what is known of it.
-GROWN = 1.6
+#: The same where a rough pose tells about the image, and where a search goes on beyond this.
+ROUGHLY, GROWN = 1.2, 1.6
+#: Kind of the part that scans circles.
+CIRCLES = CalibrationScan.kind
 MILLI = 1e3
 
 Square = tuple[list[int], list[int]]
+
+
+@dataclass(frozen=True, eq=False)
+class _Part:
+    """Pixels of a line: DAC steps, amplitudes and flags, and how high and wide each is drawn."""
+
+    arrays: list[NDArray[Any]]
+    tall: int
+    wide: int
+
+    @property
+    def dac(self) -> NDArray[Any]:
+        return self.arrays[0].reshape(-1, 2)
 
 
 class Painter:
@@ -63,8 +80,9 @@ class Painter:
         self.flagged: dict[Flag, int] = {}
         self.bad: dict[str, dict[int, float]] = {}
         self._view = self._shown = ""
-        self._shown_square: Square = ([0, 0], [0, 0])
-        self._searched: list[LineDone] = []  # lines of this view that search circles
+        self._squares: dict[str, Square] = {}  # of pictures of this view
+        self._kept: dict[str, list[_Part]] = {}  # of these, to be shown again
+        self._aimed: Scan | None = None
         self._lines: queue.Queue[LineDone | None] = queue.Queue()
         board.begin("image")
         self._thread = threading.Thread(target=self._work, name="painter", daemon=True)
@@ -106,64 +124,69 @@ class Painter:
         """Paint some lines of one view that were scanned alike."""
         first = lines[0]
         if first.view != self._view:
-            self._view, self.flagged, self.bad, self._searched = first.view, {}, {}, []
+            self._view, self.flagged, self.bad = first.view, {}, {}
+            self._squares, self._kept = {}, {}
         value, flags = pixels_of(*lines)
-        self._begin(first, lines)
         ends = np.cumsum([len(line.dac) for line in lines])[:-1]
+        parts = []
         for line, v, f in zip(lines, np.split(value, ends), np.split(flags, ends), strict=True):
             self.bad.setdefault(line.lines, {})[line.number] = float(np.mean(f != 0))
-            self._add(line, v, f)
+            size = pitch(line.dac) if line.searches else self._size(line)
+            parts.append(_Part([line.dac.astype(np.int32).ravel(), v, f], *size))
+        self._show(first, parts)
         for flag in Flag:
             self.flagged[flag] = self.flagged.get(flag, 0) + int(np.sum(flags & flag != 0))
 
-    def _begin(self, first: LineDone, lines: Sequence[LineDone]) -> None:
-        """Begin a picture anew, unless these lines belong to the one that is shown."""
-        if not first.searches:
-            shown, square = f"{first.view} {first.lines}", self._square(first)
-            if shown != self._shown:
-                self._board.begin("image", low=square[0], high=square[1], name=shown)
-                self._shown, self._shown_square = shown, square
-            return
-        shown, dac = f"{first.view} {SEARCH}", np.concatenate([line.dac for line in lines])
-        low, high = self._shown_square
-        inside = ((dac >= low) & (dac < high)).all()
-        if shown == self._shown and inside:
-            self._searched += lines
-            return
-        before = self._searched if shown == self._shown else []
-        square = square_around(np.concatenate([dac, *(line.dac for line in before)]), GROWN)
-        self._board.begin("image", low=square[0], high=square[1], name=shown)
-        self._shown, self._shown_square = shown, square
-        for line in before:
-            self._add(line, *pixels_of(line))
-        self._searched = [*before, *lines]
+    def _show(self, line: LineDone, parts: list[_Part]) -> None:
+        """Add parts to the picture that is shown; begin another one if they are none of it.
 
-    def _add(self, line: LineDone, value: NDArray[Any], flags: NDArray[Any]) -> None:
-        """Add a line to the picture that is shown."""
-        rows = self._rows(line)
-        tall, wide = (
-            pitch(line.dac) if line.searches else spacing(line.dac, self._shown_square, rows)
-        )
-        arrays = [line.dac.astype(np.int32).ravel(), value, flags]
-        self._board.add("image", arrays, tall=tall, wide=wide)
+        Lines of a circle are one picture, also if others were scanned between them, and so are
+        those that search circles: it grows with them.
+        """
+        shown = f"{line.view} {SEARCH if line.searches else line.lines.partition('_')[0]}"
+        before = self._kept.setdefault(shown, []) if line.kind == CIRCLES else []
+        square = self._squares.get(shown) or self._square(line)
+        if line.searches:
+            dac = np.concatenate([part.dac for part in (*before, *parts)])
+            if (dac < square[0]).any() or (dac >= square[1]).any():
+                square = square_around(dac, GROWN)
+        added = parts
+        if shown != self._shown or square != self._squares.get(shown):
+            self._board.begin("image", low=square[0], high=square[1], name=shown)
+            self._shown, self._squares[shown] = shown, square
+            added = [*before, *parts]
+        for part in added:
+            self._board.add("image", part.arrays, tall=part.tall, wide=part.wide)
+        before += parts
 
     def _image_scan(self, line: LineDone) -> ImageScan | None:
         """Find the part of the scan whose pixels are known beforehand, if the line is of it."""
-        parts = self._experiment.scan.parts(line.view)
+        if self._aimed is None:
+            e = self._experiment
+            self._aimed = e.scan.aimed(e.laser, e.target)
+        parts = self._aimed.parts(line.view)
         images = (p for p in parts if isinstance(p, ImageScan) and p.kind == line.kind)
         return next(images, None)
 
-    def _rows(self, line: LineDone) -> int:
-        """Count the rows of the grid of pixels that a line is of; 0 if of none."""
+    def _size(self, line: LineDone) -> tuple[int, int]:
+        """Find how high and wide a pixel of a line is drawn, DAC steps, so that it meets the next.
+
+        Rows of a grid are the same distance apart.
+        """
+        along = spacing(line.dac)
         part = self._image_scan(line)
-        shape = part.shape(line.view) if part else None
-        return shape[0] if shape else 0
+        if part is None or not part.shape(line.view):
+            return along, along
+        rows = part.lines(line.view)
+        apart = abs(rows[-1][0, 0] - rows[0][0, 0]) / max(len(rows) - 1, 1)
+        return max(int(np.ceil(apart)), 1), along
 
     def _square(self, line: LineDone) -> Square:
         """Find a square of DAC steps around all lines of an image, or around this line."""
         part = self._image_scan(line)
         dac = part.known_pixels(line.view) if part else line.dac
-        return square_around(dac, AROUND)
+        rough = line.view in self._experiment.scan.rough_poses()  # the circles have corrected it
+        return square_around(dac, ROUGHLY if rough else AROUND)
 
 
 def pixels_of(*lines: LineDone) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
@@ -197,7 +220,7 @@ def pitch(dac: IntArray) -> tuple[int, int]:
     return _median(up), _median(left)
 
 
-def _median(distances: IntArray) -> int:
+def _median(distances: NDArray[Any]) -> int:
     return int(np.ceil(np.median(distances))) if len(distances) else 1
 
 
@@ -211,16 +234,13 @@ def _alike(lines: Sequence[LineDone]) -> Iterator[list[LineDone]]:
         yield list(together)
 
 
-def spacing(dac: IntArray, square: Square, rows: int) -> tuple[int, int]:
-    """Find how high and wide a pixel of a line is drawn, DAC steps, so that it meets the next.
+def spacing(dac: IntArray) -> int:
+    """Find how far pixels of a line are apart, DAC steps.
 
-    Parameters
-    ----------
-    rows : int
-        Of a grid of pixels whose row the line is; 0 of a line alone.
+    Examples
+    --------
+    >>> spacing(np.array([[0, 0], [3, 5], [6, 10]]))
+    5
     """
     steps = np.abs(np.diff(dac, axis=0))
-    along = max(int(np.ceil(np.median(steps.max(axis=1)))), 1) if len(steps) else 1
-    if not rows:
-        return along, along
-    return max(int(np.ceil((square[1][0] - square[0][0]) / rows)), 1), along
+    return max(int(np.ceil(np.median(steps.max(axis=1)))), 1) if len(steps) else 1

@@ -5,6 +5,8 @@ import { Cells, paintRamp } from "./cells.js";
 const $ = (id) => document.getElementById(id);
 const STEPS = [1, 10, 100];
 const NAMES = { circle: "circle", corner: "corner", spot: "spot", fiducial: "mark" };
+/** Colour of corners, and of the region between them. */
+const CORNER = "#e08a00";
 /** The page says so often that an arrow is held, ms; the beam begins to run after a while. */
 const HELD = 200, LONG = 300;
 
@@ -212,8 +214,9 @@ export class Aim {
       context.stroke();
     }
     context.font = "bold 13px sans-serif";
-    for (const mark of this.marks.predicted ?? []) if (!this.at(mark)) drawCross(context, at(mark.dac), "#19a3a3", `${mark.number}?`);
-    for (const mark of this.marks.marks) drawCross(context, at(mark.dac), mark.kind === "corner" ? "#e08a00" : "#2f9e3f", String(mark.number));
+    this.drawRegion(context, at);
+    for (const mark of this.marks.predicted ?? []) if (!this.at(mark)) drawCross(context, at(mark.dac), mark.kind === "corner" ? CORNER : "#19a3a3", `${mark.number}?`);
+    for (const mark of this.marks.marks) drawCross(context, at(mark.dac), mark.kind === "corner" ? CORNER : "#2f9e3f", String(mark.number));
     const [x, y] = at(this.beam);
     for (const [colour, thick] of [["#fff", 4], ["#c00000", 2]]) {
       context.strokeStyle = colour;
@@ -223,6 +226,18 @@ export class Aim {
       for (const [dx, dy] of [[1, 0], [-1, 0], [0, 1], [0, -1]]) { context.moveTo(x + 6 * dx, y + 6 * dy); context.lineTo(x + 14 * dx, y + 14 * dy); }
       context.stroke();
     }
+  }
+
+  /** Draw the box of the region that is imaged, around its corners as marked or predicted. */
+  drawRegion(context, at) {
+    const corners = (this.wanted.corner ?? []).map((number) => this.placeOf({ kind: "corner", number }));
+    if (!corners.length || corners.some((dac) => !dac)) return;
+    const [low, high] = [Math.min, Math.max].map((limit) => [0, 1].map((k) => limit(...corners.map((dac) => dac[k]))));
+    const [a, b] = [at(low), at(high)];
+    context.strokeStyle = CORNER;
+    context.setLineDash([6, 5]);
+    context.strokeRect(Math.min(a[0], b[0]), Math.min(a[1], b[1]), Math.abs(a[0] - b[0]), Math.abs(a[1] - b[1]));
+    context.setLineDash([]);
   }
 
   // ---- what the person does ----
