@@ -132,11 +132,11 @@ class Console:
             self._ended(str(stop) or "stopped")
         else:
             self._page = folder / REPORT_FILE
-            told = f"The run is in {folder}."
-            with dataset.load(folder / RUN_FILE) as tree:
-                run = RunData.from_source(tree)
-                lines = [list(line) for line in closing_lines(run, [folder / RUN_FILE])]
             page = self._page.is_file()
+            with dataset.load(folder / RUN_FILE) as tree:
+                files = [folder / RUN_FILE, *([self._page] if page else [])]
+                lines = [list(line) for line in closing_lines(RunData.from_source(tree), files)]
+            told = f"The run is in {folder}."
             self.board.tell("result", {"told": told, "page": page, "lines": lines})
             self.board.tell("phase", "result")
             self.bench.say("The scan is done.")

@@ -152,8 +152,8 @@ class Outlook:
             return []
         at = KnownPose(euler_from_rotation(pose.rotation).tolist(), pose.origin.tolist())
         with suppress(UserError):
-            only = replace(self.region, views={"": ScanRegion(pose=at)})
-            return only.aimed(self.laser, None).views[""].corners
+            only = replace(self.region, views={"seen": ScanRegion(pose=at)})
+            return only.aimed(self.laser, None).views["seen"].corners
         return []
 
     def _box(self, structure: list[Array]) -> list[tuple[int, int]]:

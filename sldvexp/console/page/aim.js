@@ -213,17 +213,18 @@ export class Aim {
       if (closed) context.closePath();
       context.stroke();
     }
-    context.font = "bold 13px sans-serif";
+    const size = Math.max(width / (canvas.clientWidth || width), 1);  // on a small screen not smaller
+    context.font = `bold ${13 * size}px sans-serif`;
     this.drawRegion(context, at);
-    for (const mark of this.marks.predicted ?? []) if (!this.at(mark)) drawCross(context, at(mark.dac), mark.kind === "corner" ? CORNER : "#19a3a3", `${mark.number}?`);
-    for (const mark of this.marks.marks) drawCross(context, at(mark.dac), mark.kind === "corner" ? CORNER : "#2f9e3f", String(mark.number));
+    for (const mark of this.marks.predicted ?? []) if (!this.at(mark)) drawCross(context, at(mark.dac), mark.kind === "corner" ? CORNER : "#19a3a3", `${mark.number}?`, size);
+    for (const mark of this.marks.marks) drawCross(context, at(mark.dac), mark.kind === "corner" ? CORNER : "#2f9e3f", String(mark.number), size);
     const [x, y] = at(this.beam);
     for (const [colour, thick] of [["#fff", 4], ["#c00000", 2]]) {
       context.strokeStyle = colour;
       context.lineWidth = thick;
       context.beginPath();
-      context.arc(x, y, 6, 0, 7);
-      for (const [dx, dy] of [[1, 0], [-1, 0], [0, 1], [0, -1]]) { context.moveTo(x + 6 * dx, y + 6 * dy); context.lineTo(x + 14 * dx, y + 14 * dy); }
+      context.arc(x, y, 6 * size, 0, 7);
+      for (const [dx, dy] of [[1, 0], [-1, 0], [0, 1], [0, -1]]) { context.moveTo(x + 6 * size * dx, y + 6 * size * dy); context.lineTo(x + 14 * size * dx, y + 14 * size * dy); }
       context.stroke();
     }
   }
@@ -326,20 +327,21 @@ export class Aim {
   }
 }
 
-function drawCross(context, [x, y], colour, text) {
+function drawCross(context, [x, y], colour, text, size) {
+  const arm = 6 * size, aside = 8 * size;
   for (const [stroke, thick] of [["#fff", 4], [colour, 2]]) {
     context.strokeStyle = stroke;
     context.lineWidth = thick;
     context.beginPath();
-    context.moveTo(x - 6, y - 6); context.lineTo(x + 6, y + 6);
-    context.moveTo(x - 6, y + 6); context.lineTo(x + 6, y - 6);
+    context.moveTo(x - arm, y - arm); context.lineTo(x + arm, y + arm);
+    context.moveTo(x - arm, y + arm); context.lineTo(x + arm, y - arm);
     context.stroke();
   }
   context.lineWidth = 3;
   context.strokeStyle = "#fff";
-  context.strokeText(text, x + 8, y - 8);
+  context.strokeText(text, x + aside, y - aside);
   context.fillStyle = colour;
-  context.fillText(text, x + 8, y - 8);
+  context.fillText(text, x + aside, y - aside);
 }
 
 function showCamera(header, [grey]) {
