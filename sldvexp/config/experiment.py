@@ -181,6 +181,7 @@ class Experiment:
         "pose",
         {
             "bitangent": "sldvexp.pose.bitangent",
+            "bundle": "sldvexp.pose.bundle",
             "digitizer": "sldvexp.pose.digitizer",
             "edge": "sldvexp.pose.edge",
             "given": "sldvexp.pose.given",

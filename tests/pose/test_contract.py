@@ -12,6 +12,7 @@ from sldvexp.geometry import KnownPose, euler_from_rotation, rotation_from_euler
 from sldvexp.io.registration import RegistrationTable, to_dataset
 from sldvexp.laser import project
 from sldvexp.pose import EXTRINSICS, PROMISED, PoseResult
+from sldvexp.pose.bundle import Distance
 
 METHODS = sorted(registry.BUILT_IN["pose"])
 POSTS = {"low": [0.0, 0.0, 0.1], "med": [0.1, 0.0, 0.1], "high": [0.1, 0.2, 0.15]}
@@ -57,6 +58,13 @@ class World:
             view, (r, o) = next(iter(self.truth.items()))
             path = self.digitised(folder / "d.csv", r, o)
             return plugin(path, instrument_points=POSTS, object_points=CORNERS, view=view)
+        if name == "bundle":
+            if len(self.truth) < 2:
+                pytest.skip("unknown points need two views")
+            points = self.target.points()
+            length = np.linalg.norm(points.position[0] - points.position[-1])
+            ends = [int(points.number[0]), int(points.number[-1])]
+            return plugin(distances=[Distance(ends, float(length))])
         return plugin()
 
     def digitised(self, path, rotation, origin):
