@@ -160,6 +160,7 @@ class Experiment:
             "by_hand": "sldvexp.scan.by_hand",
             "calibration": "sldvexp.scan.calibration",
             "list": "sldvexp.scan.pixel_list",
+            "outline": "sldvexp.scan.outline",
             "rectangle": "sldvexp.scan.rectangle",
             "session": "sldvexp.scan.session",
         },
@@ -186,6 +187,7 @@ class Experiment:
             "edge": "sldvexp.pose.edge",
             "given": "sldvexp.pose.given",
             "manual": "sldvexp.pose.manual",
+            "part": "sldvexp.pose.part",
             "registration": "sldvexp.pose.registration",
         },
     )
