@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sldvexp.errors import UserError
-from sldvexp.geometry import skew
+from sldvexp.geometry import Bins, skew
 from sldvexp.laser.model import project, project_jacobian, rays
 from sldvexp.laser.two_mirror import TwoMirror
 from sldvexp.typing import Array, BoolArray, IndexArray, IntArray
@@ -37,6 +37,8 @@ AT_ONCE = 2_000_000
 STEPS = 3
 #: Cosine between scan line and edge beyond which the two do not cross.
 GRAZING = 0.99
+#: How far a triangle's sides bend as the mirrors see them, as a part of its box.
+BEND = 0.05
 #: Deviation of a barycentric coordinate that is rounding.
 ROUNDING = 1e-9
 
@@ -172,24 +174,20 @@ class PartOutline:
         -------
         ndarray of bool, shape (K,)
         """
-        corners = (self.position[self.triangles] - origin) @ rotation.T
-        first, one, other = corners[:, 0], *np.moveaxis(corners[:, 1:] - corners[:, :1], 1, 0)
-        normal = np.cross(one, other)
-        start, along = rays(steps * laser.step, laser.mirror_offset)
+        seen = (self.position - origin) @ rotation.T
+        before = (seen[self.triangles, 2] > 0).all(axis=1)
+        if not before.any():
+            return np.zeros(len(steps), bool)
+        corners = seen[self.triangles[before]]
+        images = (project(seen, laser.mirror_offset) / laser.step)[self.triangles[before]]
+        least, most = images.min(axis=1), images.max(axis=1)
+        bend = BEND * (most - least).max(axis=1, keepdims=True) + ROUNDING
+        beam, triangle = Bins.from_boxes(least - bend, most + bend).pairs(steps)
         hit = np.zeros(len(steps), bool)
-        chunk = max(1, AT_ONCE // max(len(corners), 1))
-        for low in range(0, len(steps), chunk):
-            s, d = start[low : low + chunk], along[low : low + chunk]
-            height = d @ normal.T
-            # Moeller and Trumbore: weights of the corners where the beam meets the plane.
-            to_first = first - s[:, None]
-            with np.errstate(divide="ignore", invalid="ignore"):
-                distance = np.einsum("kti,ti->kt", to_first, normal) / height
-                turned = np.cross(d[:, None], to_first)
-                u = np.einsum("kti,ti->kt", turned, other) / -height
-                v = np.einsum("kti,ti->kt", turned, one) / height
-                inside = (u >= -ROUNDING) & (v >= -ROUNDING) & (u + v <= 1 + ROUNDING)
-                hit[low : low + chunk] = (inside & (distance > 0)).any(axis=1)
+        for low in range(0, len(beam), AT_ONCE):
+            own = slice(low, low + AT_ONCE)
+            met = _meets(steps[beam[own]], corners[triangle[own]], laser)
+            hit[beam[own][met]] = True
         return hit
 
     def crossings(
@@ -281,6 +279,31 @@ class PartOutline:
         point = pieces.steps[seen][own, 0] + share[:, None] * ahead[seen][own]
         outward = np.where(left[seen][own, None], -1.0, 1.0) * normal[seen][own]
         return point, outward
+
+
+def _meets(steps: Array, corners: Array, laser: TwoMirror) -> BoolArray:
+    """Tell which beams meet their triangles, shape (pair,).
+
+    Parameters
+    ----------
+    steps : ndarray, shape (pair, 2)
+    corners : ndarray, shape (pair, 3, 3), m
+        In the laser frame.
+    """
+    start, along = rays(steps * laser.step, laser.mirror_offset)
+    first = corners[:, 0]
+    one, other = corners[:, 1] - first, corners[:, 2] - first
+    normal = np.cross(one, other)
+    height = np.sum(along * normal, axis=1)
+    # Moeller and Trumbore: weights of the corners where the beam meets the plane.
+    to_first = first - start
+    turned = np.cross(along, to_first)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        distance = np.sum(to_first * normal, axis=1) / height
+        u = -np.sum(turned * other, axis=1) / height
+        v = np.sum(turned * one, axis=1) / height
+        inside = (u >= -ROUNDING) & (v >= -ROUNDING) & (u + v <= 1 + ROUNDING)
+    return np.asarray(inside & (distance > 0))
 
 
 def _met(

@@ -20,7 +20,6 @@ from sldvexp.config.registry import register
 from sldvexp.dataset import Finding, Severity
 from sldvexp.errors import Checks, UserError
 from sldvexp.laser import PartOutline, TwoMirror
-from sldvexp.lazy import scipy
 from sldvexp.lazy import xarray as xr
 from sldvexp.pose.base import PoseMethod, PoseResult, pose_to_dataset
 from sldvexp.pose.from_points import no_pose, require_laser
@@ -29,10 +28,12 @@ from sldvexp.pose.initial_pose import flipped
 from sldvexp.pose.outline_fit import (
     OutlineEdges,
     OutlineFit,
+    fit_likewise,
     fit_outline,
     half_turns,
     lack_of_fit,
     root_mean_square,
+    shows,
 )
 from sldvexp.scan.outline import PartMesh
 from sldvexp.session.outline import PART, PART_UNIT, ROUGH_ORIGIN, ROUGH_ROTATION
@@ -46,6 +47,8 @@ FALSE_ALARM = 0.01
 TOO_SMALL = 2.0
 #: Share of edges beside the outline from which the poses are doubted.
 MANY = 0.15
+#: Rise of the cost from which another pose is refuted: 0.1 % of chi-square of 2.
+REFUTED_RISE = 13.8
 #: Cosine of the angle between two rotations, and distance in m, within which poses are one.
 SAME, SAME_PLACE = 1 - 1e-5, 2e-3
 
@@ -114,6 +117,7 @@ class Part(PartMesh, PoseMethod):
             np.array([fit.dof for fit in fits], float),
             self.confidence,
             residual_rms=np.array([root_mean_square(fit.residual[fit.used]) for fit in fits]),
+            pointing_std=np.array([fit.pointing for fit in fits]),
             cost=np.array([fit.cost for fit in fits]),
         )
         pose = _with_others(pose, solved)
@@ -192,19 +196,22 @@ def _solved(view: str, group: xr.Dataset, part: PartOutline, laser: TwoMirror) -
     found = [fit]
     others = []
     for start, turned in _mistaken(part, fit):
+        if turned and not shows(part, edges, laser, start):
+            continue
         try:
-            other = fit_outline(part, edges, laser, *start)
+            other = fit_likewise(part, edges, laser, start, fit)
         except UserError:
             continue
         if all(_differ(other, known) for known in found):
             found.append(other)
             others.append(OtherPose(other, turned))
-    # A pose that fits clearly better than the one by the rough pose is the right one.
-    better = [o for o in others if not o.turned and o.fit.dof > 0 and _fits_better(o.fit, fit)]
-    if better:
-        fit = better[0].fit
-        others = []
-    return ViewOutline(view, edges, fit, [o for o in others if _as_good(o.fit, fit)])
+    better = [o for o in others if not o.turned and o.fit.cost < fit.cost - REFUTED_RISE]
+    if better:  # the rough pose led into the wrong valley
+        fit = fit_outline(part, edges, laser, better[0].fit.rotation, better[0].fit.origin)
+        return ViewOutline(view, edges, fit, [])
+    return ViewOutline(
+        view, edges, fit, [o for o in others if o.fit.cost < fit.cost + REFUTED_RISE]
+    )
 
 
 def _mistaken(part: PartOutline, fit: OutlineFit) -> Iterator[tuple[tuple[Array, Array], bool]]:
@@ -225,29 +232,10 @@ def _differ(one: OutlineFit, other: OutlineFit) -> bool:
     return bool(cosine < SAME or np.linalg.norm(one.origin - other.origin) > SAME_PLACE)
 
 
-def _mean_square(fit: OutlineFit) -> float:
-    """Give the mean square of the residuals, those that are left out counted as far."""
-    far = 25.0 * float(np.sum(~fit.used))
-    return (fit.cost + far) / len(fit.used)
-
-
-def _as_good(other: OutlineFit, fit: OutlineFit) -> bool:
-    """Tell whether edges cannot tell another pose from the best."""
-    limit = scipy.special.fdtri(max(fit.dof, 1), max(fit.dof, 1), 0.95)
-    return bool(_mean_square(other) < limit * _mean_square(fit) + 1e-12)
-
-
-def _fits_better(other: OutlineFit, fit: OutlineFit) -> bool:
-    """Tell whether another pose fits clearly better."""
-    limit = scipy.special.fdtri(max(fit.dof, 1), max(fit.dof, 1), 0.999)
-    return bool(limit * _mean_square(other) < _mean_square(fit))
-
-
 def _judged(one: ViewOutline, views: int) -> tuple[Array, list[Finding]]:
     """Give the covariance of a pose and what is to be said of its edges."""
     fit, where = one.fit, f"view {one.view}"
-    variance = fit.cost / fit.dof if fit.dof > 0 else np.nan
-    covariance = variance * fit.cofactor
+    covariance = fit.covariance
     findings = [*_beside(one, where)]
     ratio, p_value = lack_of_fit(one.edges, fit)
     if p_value < FALSE_ALARM / views:
