@@ -160,6 +160,7 @@ class Experiment:
             "by_hand": "sldvexp.scan.by_hand",
             "calibration": "sldvexp.scan.calibration",
             "list": "sldvexp.scan.pixel_list",
+            "outline": "sldvexp.scan.outline",
             "rectangle": "sldvexp.scan.rectangle",
             "session": "sldvexp.scan.session",
         },
@@ -183,10 +184,12 @@ class Experiment:
         "pose",
         {
             "bitangent": "sldvexp.pose.bitangent",
+            "bundle": "sldvexp.pose.bundle",
             "digitizer": "sldvexp.pose.digitizer",
             "edge": "sldvexp.pose.edge",
             "given": "sldvexp.pose.given",
             "manual": "sldvexp.pose.manual",
+            "part": "sldvexp.pose.part",
             "registration": "sldvexp.pose.registration",
         },
     )

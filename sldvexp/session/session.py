@@ -23,6 +23,7 @@ from sldvexp.session.camera import Camera, Operator, ViewContext, ViewSkipped
 from sldvexp.session.circles import circle_lines, scan_calibration
 from sldvexp.session.images import image_lines, scan_image
 from sldvexp.session.journal import Journal, require_same
+from sldvexp.session.outline import outline_lines, scan_outline
 from sldvexp.session.watching import PartAhead, ViewAhead, Watcher
 
 #: Of the dissertation's instrument (Section 3.2.1).
@@ -31,6 +32,7 @@ PIXELS_PER_SECOND = 6.0
 #: What becomes of a part of a scan in one view, by the part's `kind`: groups of the dataset.
 KINDS: dict[str, Callable[[Any, ViewContext], dict[str, xr.Dataset]]] = {
     "circles": scan_calibration,
+    "outline": scan_outline,
     "image": scan_image,
     "marks": record_marks,
     "spots": record_spots,
@@ -39,6 +41,7 @@ KINDS: dict[str, Callable[[Any, ViewContext], dict[str, xr.Dataset]]] = {
 #: Names and pixels of the lines of a part in one view, by the part's `kind`; a person scans none.
 LINES: dict[str, Callable[[Any, str], dict[str, int]]] = {
     "circles": circle_lines,
+    "outline": outline_lines,
     "image": image_lines,
 }
 
