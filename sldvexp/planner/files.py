@@ -19,6 +19,7 @@ from sldvexp.config.experiment import SINGLE_GROUPS
 from sldvexp.config.sources import Origins
 from sldvexp.errors import UserError
 from sldvexp.files import unusable
+from sldvexp.planner.circle_lines import fit_stride
 from sldvexp.planner.images import Stand
 from sldvexp.planner.planned import StandPlan
 from sldvexp.writing import make_folder, require_no_link, whole_or_nothing
@@ -164,6 +165,9 @@ def _put_views(values: dict[str, Any], plan: StandPlan, plugins: Mapping[str, st
         if kind in ("calibration", "rectangle") and scan is not None:
             new = circles if kind == "calibration" else corners
             scan["views"] = {**(scan["views"] if stays else {}), **new}
+    if plugins.get("scan") in ("session", "calibration"):
+        whole = values["scan"]
+        fit_stride(whole.get("calibration", whole), plan.added, plan.place)
     if values.get("scene") is not None:
         values["scene"]["views"] = {**(values["scene"]["views"] if stays else {}), **poses}
     if plugins.get("pose") == "given" and not values["pose"]["path"]:
