@@ -43,7 +43,7 @@ Square = tuple[list[int], list[int]]
 
 
 @dataclass(frozen=True, eq=False)
-class _Part:
+class PaintedLine:
     """Pixels of a line: DAC steps, amplitudes and flags, and how high and wide each is drawn."""
 
     arrays: list[NDArray[Any]]
@@ -52,6 +52,7 @@ class _Part:
 
     @property
     def dac(self) -> NDArray[Any]:
+        """Places of the pixels, (pixel, mirror), DAC steps."""
         return self.arrays[0].reshape(-1, 2)
 
 
@@ -81,7 +82,7 @@ class Painter:
         self.bad: dict[str, dict[int, float]] = {}
         self._view = self._shown = ""
         self._squares: dict[str, Square] = {}  # of pictures of this view
-        self._kept: dict[str, list[_Part]] = {}  # of these, to be shown again
+        self._kept: dict[str, list[PaintedLine]] = {}  # of these, to be shown again
         self._aimed: Scan | None = None
         self._lines: queue.Queue[LineDone | None] = queue.Queue()
         board.begin("image")
@@ -132,12 +133,12 @@ class Painter:
         for line, v, f in zip(lines, np.split(value, ends), np.split(flags, ends), strict=True):
             self.bad.setdefault(line.lines, {})[line.number] = float(np.mean(f != 0))
             size = pitch(line.dac) if line.searches else self._size(line)
-            parts.append(_Part([line.dac.astype(np.int32).ravel(), v, f], *size))
+            parts.append(PaintedLine([line.dac.astype(np.int32).ravel(), v, f], *size))
         self._show(first, parts)
         for flag in Flag:
             self.flagged[flag] = self.flagged.get(flag, 0) + int(np.sum(flags & flag != 0))
 
-    def _show(self, line: LineDone, parts: list[_Part]) -> None:
+    def _show(self, line: LineDone, parts: list[PaintedLine]) -> None:
         """Add parts to the picture that is shown; begin another one if they are none of it.
 
         Lines of a circle are one picture, also if others were scanned between them, and so are
