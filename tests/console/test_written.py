@@ -69,6 +69,7 @@ def test_file_that_is_there_stays_unless_it_may_be_replaced(folder, marks):
 def test_console_replaces_what_it_wrote_itself_and_nothing_that_was_changed(folder):
     words = ["experiment=bench"]
     console = Console(composed(words, str(folder)), words, folder, None, None)
+    console.server._socket.close()  # nobody is served
     console.bench.marks.put("1", (CIRCLE, 1), (1, 2))
     console._write({"do": "write", "name": "mine"})
     console.bench.marks.put("1", (CIRCLE, 1), (3, 4))
