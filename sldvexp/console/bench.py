@@ -25,6 +25,7 @@ from sldvexp.instrument import Acquisition, Instrument, InstrumentError, RawSamp
 from sldvexp.instrument import bench as aids
 from sldvexp.instrument.protocol import CHANNELS
 from sldvexp.scan import Sampling
+from sldvexp.session.records import acquisition_of
 from sldvexp.signal import Flag, SignalEstimator
 from sldvexp.signal.sine_fit import SineFit
 from sldvexp.stopping import undisturbed
@@ -319,7 +320,7 @@ class AimingBench:
         parts = [p for p in parts_of(self.experiment).values() if hasattr(p, "sampling")]
         chosen = [p for p in parts if kind_of(p) == self.kind] or parts
         s = chosen[0].sampling if chosen else Sampling()
-        return aids.quick(Acquisition(s.rate, s.samples, tuple(s.frequency), s.amplitude))
+        return aids.quick(acquisition_of(s))
 
     def _go(self, to: Steps) -> None:
         """Move the beam, to the nearest place that the board has."""

@@ -23,7 +23,7 @@ from sldvexp.console.board import NoticeBoard
 from sldvexp.scan import ImageScan, Scan
 from sldvexp.scan.calibration import CalibrationScan
 from sldvexp.session import LineDone
-from sldvexp.session.watching import SEARCH, complex_pixels
+from sldvexp.session.watching import SEARCH, pixels_of
 from sldvexp.signal import Flag
 from sldvexp.typing import IntArray
 
@@ -43,7 +43,7 @@ Square = tuple[list[int], list[int]]
 
 
 @dataclass(frozen=True, eq=False)
-class PaintedLine:
+class _PaintedLine:
     """Pixels of a line: DAC steps, amplitudes and flags, and how high and wide each is drawn."""
 
     arrays: list[NDArray[Any]]
@@ -52,7 +52,6 @@ class PaintedLine:
 
     @property
     def dac(self) -> NDArray[Any]:
-        """Places of the pixels, (pixel, mirror), DAC steps."""
         return self.arrays[0].reshape(-1, 2)
 
 
@@ -82,7 +81,7 @@ class Painter:
         self.bad: dict[str, dict[int, float]] = {}
         self._view = self._shown = ""
         self._squares: dict[str, Square] = {}  # of pictures of this view
-        self._kept: dict[str, list[PaintedLine]] = {}  # of these, to be shown again
+        self._kept: dict[str, list[_PaintedLine]] = {}  # of these, to be shown again
         self._aimed: Scan | None = None
         self._lines: queue.Queue[LineDone | None] = queue.Queue()
         board.begin("image")
@@ -127,18 +126,18 @@ class Painter:
         if first.view != self._view:
             self._view, self.flagged, self.bad = first.view, {}, {}
             self._squares, self._kept = {}, {}
-        value, flags = pixels_of(*lines)
+        value, flags = painted_values(*lines)
         ends = np.cumsum([len(line.dac) for line in lines])[:-1]
         parts = []
         for line, v, f in zip(lines, np.split(value, ends), np.split(flags, ends), strict=True):
             self.bad.setdefault(line.lines, {})[line.number] = float(np.mean(f != 0))
             size = pitch(line.dac) if line.searches else self._size(line)
-            parts.append(PaintedLine([line.dac.astype(np.int32).ravel(), v, f], *size))
+            parts.append(_PaintedLine([line.dac.astype(np.int32).ravel(), v, f], *size))
         self._show(first, parts)
         for flag in Flag:
             self.flagged[flag] = self.flagged.get(flag, 0) + int(np.sum(flags & flag != 0))
 
-    def _show(self, line: LineDone, parts: list[PaintedLine]) -> None:
+    def _show(self, line: LineDone, parts: list[_PaintedLine]) -> None:
         """Add parts to the picture that is shown; begin another one if they are none of it.
 
         Lines of a circle are one picture, also if others were scanned between them, and so are
@@ -190,10 +189,10 @@ class Painter:
         return square_around(dac, ROUGHLY if rough else AROUND)
 
 
-def pixels_of(*lines: LineDone) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
+def painted_values(*lines: LineDone) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
     """Compute amplitudes, mm/s, and flags of the pixels of lines that were scanned alike."""
     first = lines[0]
-    image = complex_pixels(first.signal, first.acquisition, [line.samples for line in lines])
+    image = pixels_of(first.signal, first.acquisition, [line.samples for line in lines])
     value = MILLI * np.abs(image.velocity[:, 0])
     return (
         np.where(np.isfinite(value), value, 0.0).astype(np.float32),
@@ -229,7 +228,7 @@ def _alike(lines: Sequence[LineDone]) -> Iterator[list[LineDone]]:
     """Yield lines that follow one another and were scanned alike, in their order."""
 
     def how(line: LineDone) -> tuple[object, ...]:
-        return line.view, line.lines, line.acquisition, line.samples.rate
+        return line.view, line.lines, line.acquisition, getattr(line.samples, "rate", None)
 
     for _, together in groupby(lines, how):
         yield list(together)

@@ -23,6 +23,7 @@ from sldvexp.session.camera import Camera, Operator, ViewContext, ViewSkipped
 from sldvexp.session.circles import circle_lines, scan_calibration
 from sldvexp.session.images import image_lines, scan_image
 from sldvexp.session.journal import Journal, require_same
+from sldvexp.session.outline import outline_lines, scan_outline
 from sldvexp.session.watching import PartAhead, ViewAhead, Watcher
 
 #: Of the dissertation's instrument (Section 3.2.1).
@@ -31,6 +32,7 @@ PIXELS_PER_SECOND = 6.0
 #: What becomes of a part of a scan in one view, by the part's `kind`: groups of the dataset.
 KINDS: dict[str, Callable[[Any, ViewContext], dict[str, xr.Dataset]]] = {
     "circles": scan_calibration,
+    "outline": scan_outline,
     "image": scan_image,
     "marks": record_marks,
     "spots": record_spots,
@@ -39,6 +41,7 @@ KINDS: dict[str, Callable[[Any, ViewContext], dict[str, xr.Dataset]]] = {
 #: Names and pixels of the lines of a part in one view, by the part's `kind`; a person scans none.
 LINES: dict[str, Callable[[Any, str], dict[str, int]]] = {
     "circles": circle_lines,
+    "outline": outline_lines,
     "image": image_lines,
 }
 
@@ -83,7 +86,7 @@ def scan_views(
     views = _ahead(e.scan, aimed, journal)
     watcher.session_begun(views)
     found: dict[str, xr.Dataset] = {}
-    skipped: list[Finding] = []
+    told: list[Finding] = []
     for view in views:
         watcher.view_begun(view)
         arrive = partial(_arrive, e, view.name, operator, journal / view.name)
@@ -92,8 +95,9 @@ def scan_views(
         with Camera(arrive, e.signal, kept, *plan) as camera:
             at = ViewContext(view.name, camera, e.laser, e.target, operator, guide=guide)
             groups = _scan_parts(e.scan.parts(view.name), at)
+        told += at.findings
         if camera.skipped:
-            skipped.append(_skipped(view, camera.lines_done))
+            told.append(_skipped(view, camera.lines_done))
         watcher.view_done(view, groups)
         found |= {name: keep(name, g) if keep else g for name, g in groups.items()}
     if not found:
@@ -102,8 +106,8 @@ def scan_views(
         )
     watcher.session_done()
     first = next(iter(found))
-    if skipped:
-        found[first] = with_findings(found[first], skipped)
+    if told:
+        found[first] = with_findings(found[first], told)
     return joined(found)
 
 
@@ -150,7 +154,7 @@ def _searches(part: ScanPart, view: str) -> bool:
 
 
 def estimate(scan: Scan, searches: bool = False) -> str:
-    """Estimate how long the session takes at least, and at six pixels a second.
+    """Estimate how long the session takes at least, and at six pixels a second if that is longer.
 
     Pixels that search circles from a rough pose are not among those; if it `searches`, it says so.
     """
@@ -161,11 +165,11 @@ def estimate(scan: Scan, searches: bool = False) -> str:
     if not pixels:
         how = "by digitizer" if any(part.kind == "spots" for part, _ in parts) else "by hand"
         return f"scan: {how}, views {', '.join(views)}"
-    return (
-        f"scan: {pixels} pixels in {len(views)} views, {seconds:.0f} s of samples "
-        f"({pixels / PIXELS_PER_SECOND / 60:.0f} min on an instrument of 6 pixels a second)"
-        f"{', besides those that search circles' if searches else ''}"
-    )
+    told = f"scan: {pixels} pixels in {len(views)} views, {seconds:.0f} s of samples"
+    if seconds <= pixels / PIXELS_PER_SECOND:
+        minutes = pixels / PIXELS_PER_SECOND / 60
+        told += f" ({minutes:.0f} min on an instrument of 6 pixels a second)"
+    return f"{told}{', besides those that search circles' if searches else ''}"
 
 
 def takes_samples(scan: Scan) -> bool:

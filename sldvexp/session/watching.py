@@ -17,7 +17,14 @@ import numpy as np
 
 from sldvexp.instrument import Acquisition, RawSamples, Status
 from sldvexp.lazy import xarray as xr
-from sldvexp.signal import ComplexImage, Flag, SignalEstimator
+from sldvexp.signal import (
+    ComplexImage,
+    Flag,
+    Response,
+    ResponseImage,
+    ResponseSums,
+    SignalEstimator,
+)
 from sldvexp.typing import IntArray
 
 #: Beginning of the names of lines that search a circle around where a rough pose predicts it.
@@ -98,7 +105,8 @@ class LineDone:
     number, count : int
         Line `number` of `count` such lines, from 1.
     dac : ndarray of int, shape (pixel, 2), steps
-    samples : RawSamples
+    samples : RawSamples or ResponseSums
+        Of a broadband excitation, the sums of its records.
     kept : bool
         Whether it was in the journal before, and nothing was scanned.
     again : bool
@@ -113,19 +121,19 @@ class LineDone:
     number: int
     count: int
     dac: IntArray
-    samples: RawSamples
+    samples: RawSamples | ResponseSums
     kept: bool
     again: bool
     acquisition: Acquisition
     signal: SignalEstimator
 
     @cached_property
-    def image(self) -> ComplexImage:
+    def image(self) -> ComplexImage | ResponseImage:
         """Complex pixels of this line alone, with their flags.
 
         The session makes them of all lines together, which with `refine` gives other frequencies.
         """
-        return complex_pixels(self.signal, self.acquisition, [self.samples])
+        return pixels_of(self.signal, self.acquisition, [self.samples])
 
     @property
     def searches(self) -> bool:
@@ -134,7 +142,12 @@ class LineDone:
 
     @property
     def level(self) -> tuple[float, float]:
-        """Largest sample of velocity and of reference, V."""
+        """Largest sample of velocity and of reference, V; of sums their r.m.s. at all lines."""
+        if isinstance(self.samples, ResponseSums):
+            assert isinstance(self.signal, Response)
+            sums, records = self.samples, max(self.samples.count.sum(), 1)
+            volts = np.sqrt([sums.syy.sum() / 2 / records, sums.sxx.sum() / 2 / records])
+            return float(volts[0] / abs(self.signal.velocity_per_volt)), float(volts[1])
         most = np.abs(self.samples.counts.astype(np.int32)).max(axis=(0, 2))
         velocity, reference = most * self.samples.volts_per_count
         return float(velocity), float(reference)
@@ -238,6 +251,18 @@ def in_words(lines: str, number: int, count: int) -> str:
         return f"searching circles, ring {int(stage)}"
     named = f"circle {first}, {stage} line" if stage else "line"
     return f"{named} {number} of {count}"
+
+
+def pixels_of(
+    signal: SignalEstimator, acquisition: Acquisition, lines: Sequence[RawSamples | ResponseSums]
+) -> ComplexImage | ResponseImage:
+    """Turn samples of some lines, or sums of their records, into complex pixels."""
+    if acquisition.drive is None:
+        samples = [line for line in lines if isinstance(line, RawSamples)]
+        return complex_pixels(signal, acquisition, samples)
+    assert isinstance(signal, Response)
+    sums = [line for line in lines if isinstance(line, ResponseSums)]
+    return signal.image(ResponseSums.concatenated(sums), acquisition.drive)
 
 
 def complex_pixels(
