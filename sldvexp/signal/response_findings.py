@@ -38,8 +38,9 @@ from sldvexp.typing import Array, BoolArray, IndexArray
 
 #: Relative error of a response function that is worth a word.
 LEAST_ERROR = 0.01
-#: Residual power at a resonance over that of the median line, from which it is no noise.
-ABOVE_NOISE = 3.0
+#: Residual power at a resonance over that of the median line, from which it is no noise, whatever
+#: its colour.
+ABOVE_NOISE = 1.5
 #: Squared response of a resonance over that of the median line, pixels summed.
 RESONANT = 4.0
 #: Share of a burst's response that may be left at the record's end.
@@ -165,7 +166,9 @@ def _leakage(sums: ResponseSums, design: RecordDesign, view: str) -> list[Findin
     beyond = _noise_of_lines(sums, design)
     noise = min(float(np.median(rest)), beyond or np.inf)
     error = (rest - noise) / power
-    leaks = _resonances(response) & (rest > ABOVE_NOISE * noise) & (error > LEAST_ERROR)
+    by_chance = CLEAR / np.sqrt(np.maximum(sums.count - 1, 0).sum())
+    above = rest > max(ABOVE_NOISE, 1 + by_chance) * noise
+    leaks = _resonances(response) & above & (error > LEAST_ERROR)
     if not leaks.any():
         return []
     scatter = np.sqrt(rest / power / (2 * np.median(sums.count)))
@@ -174,7 +177,7 @@ def _leakage(sums: ResponseSums, design: RecordDesign, view: str) -> list[Findin
     seconds = float(record_for(1 - error[leaks], design).max())
     text = (
         f"in view {view} records of {design.record_seconds:.3g} s leak at "
-        f"{_named(sums.frequency[leaks])}: the coherence at these resonances is as low as "
+        f"{_named(sums.frequency[leaks])}: noise apart, the coherence at these is as low as "
         f"{1 - worst:.2f}, so that response functions are up to {100 * worst:.0f} % too small and "
         f"standard errors do not say so; take records of {seconds:.2g} s or a periodic excitation"
     )
