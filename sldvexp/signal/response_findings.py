@@ -28,14 +28,19 @@ from sldvexp.dataset import Finding, Severity
 from sldvexp.lazy import scipy
 from sldvexp.signal.excitation import BEFORE_PULSE, ExcitationKind, RecordDesign
 from sldvexp.signal.record_faults import RecordFault
-from sldvexp.signal.response_function import LEAST_RECORDS, response_function
+from sldvexp.signal.response_function import (
+    LEAST_RECORDS,
+    ResponseFunction,
+    response_function,
+)
 from sldvexp.signal.response_sums import ResponseSums
 from sldvexp.typing import Array, BoolArray, IndexArray
 
 #: Relative error of a response function that is worth a word.
 LEAST_ERROR = 0.01
-#: Residual power at a resonance over that of the median line, from which it is no noise.
-ABOVE_NOISE = 3.0
+#: Residual power at a resonance over that of the median line, from which it is no noise, whatever
+#: its colour.
+ABOVE_NOISE = 1.5
 #: Squared response of a resonance over that of the median line, pixels summed.
 RESONANT = 4.0
 #: Share of a burst's response that may be left at the record's end.
@@ -47,6 +52,8 @@ END = 0.05
 TAPER = 0.1
 #: An energy in its standard errors by chance, from which it is none.
 CLEAR = 5.0
+#: Errors in standard errors: one that intervals miss, and one that they hold all the same.
+HIDDEN, NEGLIGIBLE = 2.0, 0.5
 #: Power at unexcited lines over the noise, from which it is distortion.
 DISTORTED = 1.5
 #: Power of the reference at a line over the median line's, below which there is none.
@@ -159,28 +166,30 @@ def _leakage(sums: ResponseSums, design: RecordDesign, view: str) -> list[Findin
     beyond = _noise_of_lines(sums, design)
     noise = min(float(np.median(rest)), beyond or np.inf)
     error = (rest - noise) / power
-    leaks = _resonances(response) & (rest > ABOVE_NOISE * noise) & (error > LEAST_ERROR)
+    by_chance = CLEAR / np.sqrt(np.maximum(sums.count - 1, 0).sum())
+    above = rest > max(ABOVE_NOISE, 1 + by_chance) * noise
+    leaks = _resonances(response) & above & (error > LEAST_ERROR)
     if not leaks.any():
         return []
     scatter = np.sqrt(rest / power / (2 * np.median(sums.count)))
     worst = float(error[leaks].max())
-    hidden = bool((error > 2 * scatter)[leaks].any())
+    severity = _weight(float((error / scatter)[leaks].max()))
     seconds = float(record_for(1 - error[leaks], design).max())
     text = (
         f"in view {view} records of {design.record_seconds:.3g} s leak at "
-        f"{_named(sums.frequency[leaks])}: the coherence at these resonances is as low as "
+        f"{_named(sums.frequency[leaks])}: noise apart, the coherence at these is as low as "
         f"{1 - worst:.2f}, so that response functions are up to {100 * worst:.0f} % too small and "
         f"standard errors do not say so; take records of {seconds:.2g} s or a periodic excitation"
     )
-    severity = Severity.void if hidden else Severity.doubtful
     remedy = "a periodic excitation"
     return [Finding("leakage", f"view {view}", text, severity, size=worst, remedy=remedy)]
 
 
 def _tail(sums: ResponseSums, design: RecordDesign, view: str) -> list[Finding]:
     """Tell whether the response has died at the record's end, and how long that would take."""
-    energy, noise, pixels = _impulse_energy(sums)
-    count = len(energy)
+    found = response_function(sums.of_pixels(sums.count >= LEAST_RECORDS))
+    energy, noise = _impulse_energy(found)
+    count, pixels = len(energy), len(found.records)
     burst = design.excitation.kind is ExcitationKind.burst_random
     room = (1 - design.excitation.burst) if burst else 1 - 2 * BEFORE_PULSE
     last = max(1, round(END * count))
@@ -190,6 +199,8 @@ def _tail(sums: ResponseSums, design: RecordDesign, view: str) -> list[Finding]:
     left = np.sqrt(max(end, 0.0) / whole) if whole > 0 else 0.0
     if left < QUIET_ENOUGH or end < CLEAR * noise / np.sqrt(last * pixels):
         return []
+    peaks = _resonances(np.asarray((np.abs(found.response) ** 2).sum(axis=0)))
+    scatter = float(np.median((found.std / np.abs(found.response))[:, peaks]))
     seconds = design.record_seconds
     rate = max(np.log(before / end) / (2 * END) if before > end else 1.0, 1.0) / seconds
     wanted = seconds + np.log(left / QUIET_ENOUGH) / rate / room
@@ -199,17 +210,16 @@ def _tail(sums: ResponseSums, design: RecordDesign, view: str) -> list[Finding]:
         "about as much, at the slowest by more, and standard errors do not say so; take records "
         f"of {wanted:.2g} s, or a shorter burst"
     )
-    severity = Severity.void if left > LEAST_ERROR else Severity.doubtful
+    severity = _weight(float(left) / scatter)
     return [Finding("tail", f"view {view}", text, severity, size=float(left))]
 
 
-def _impulse_energy(sums: ResponseSums) -> tuple[Array, float, int]:
-    """Compute the squared impulse response by its lag, pixels summed, its noise and the pixels."""
-    found = response_function(sums.of_pixels(sums.count >= LEAST_RECORDS))
+def _impulse_energy(found: ResponseFunction) -> tuple[Array, float]:
+    """Compute the squared impulse response by its lag, pixels summed, and its part of noise."""
     taper = scipy.signal.windows.tukey(len(found.frequency), 2 * TAPER)
     impulse = np.fft.ifft(found.response * taper, axis=1) * len(taper)
     noise = float(np.sum(2 * (found.std * taper) ** 2))
-    return np.asarray((np.abs(impulse) ** 2).sum(axis=0)), noise, len(found.records)
+    return np.asarray((np.abs(impulse) ** 2).sum(axis=0)), noise
 
 
 def _distortion(
@@ -240,8 +250,15 @@ def _distortion(
         "excited line): structure or exciter are not linear at this amplitude, and excited lines "
         "have as much of it; excite less"
     )
-    severity = Severity.doubtful if worst > 2 * bound else Severity.note
+    severity = _weight(worst / bound)
     return [Finding("distortion", f"view {view}", text, severity, size=worst)]
+
+
+def _weight(error: float) -> Severity:
+    """Weigh an error that is given in standard errors, which do not hold it."""
+    if error > HIDDEN:
+        return Severity.void
+    return Severity.doubtful if error > NEGLIGIBLE else Severity.note
 
 
 def _residual_power(sums: ResponseSums) -> Array:

@@ -83,6 +83,21 @@ def test_leakage_of_random_excitation_is_said_with_lines_and_a_record_that_would
     assert seconds == pytest.approx(2.93, rel=0.25)
 
 
+def test_noise_is_no_part_of_what_leaks(five_modes):
+    noisy, made = (
+        replace(five_modes, noise=(3.0, 0.001)),
+        design(ExcitationKind.random, seconds=0.8),
+    )
+    rng = np.random.default_rng(1)
+    sums = noisy.sums(Response(), made, 10, rng, 60)
+    peaks = noisy.peaks(made.frequency)
+    lost = 1 - Response().response(sums, made).coherence[:, peaks[0]].mean()
+    (found,) = find_response_findings(sums, made, "left")
+    assert lost > 0.2
+    assert found.size == pytest.approx(0.11, abs=0.04)
+    assert found.severity is Severity.doubtful  # as much as one standard error
+
+
 def test_records_as_long_as_was_said_leak_no_more(five_modes):
     made = design(ExcitationKind.random, seconds=3.2)
     assert find_response_findings_of(five_modes, made, pixels=10) == []
@@ -110,10 +125,18 @@ def test_coherence_tells_the_bias_of_a_window():
 
 
 @pytest.mark.parametrize(
-    ("seconds", "kinds"), [(0.2, [Severity.void]), (0.8, [Severity.doubtful]), (1.6, [])]
+    ("seconds", "noise", "kinds"),
+    [
+        (0.2, 0.05, [Severity.void]),  # 16 % at 197 Hz
+        (0.2, 0.4, [Severity.void]),  # as much, and its end lies below the noise of the samples
+        (0.8, 0.02, [Severity.void]),  # 0.1 %, of a standard error of 0.1 %
+        (0.8, 0.05, [Severity.doubtful]),  # of one of 0.2 %
+        (1.6, 0.05, []),
+    ],
 )
-def test_tail_of_a_burst_that_is_cut_off_is_said(five_modes, seconds, kinds):
-    found = find_response_findings_of(five_modes, design(ExcitationKind.burst_random, seconds))
+def test_tail_of_a_burst_that_is_cut_off_is_said(five_modes, seconds, noise, kinds):
+    noisy = replace(five_modes, noise=(noise, 0.001))
+    found = find_response_findings_of(noisy, design(ExcitationKind.burst_random, seconds))
     assert [one.severity for one in found] == kinds
     if seconds == 0.2:
         assert found[0].kind == "tail"
