@@ -13,9 +13,11 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sldvexp.errors import UserError
-from sldvexp.instrument import Acquisition, Instrument, RawSamples
+from sldvexp.instrument import Acquisition, Instrument, RawSamples, Status
+from sldvexp.instrument.protocol import CHANNELS
 from sldvexp.instrument.recording import TellsSums
 from sldvexp.scan import Sampling
 from sldvexp.signal import Response, ResponseSums
@@ -109,11 +111,26 @@ class Averaging:
             samples = instrument.scan(piece, stream=stream if first == 0 else None)
             _require_as_asked(samples, acquisition, len(piece))
             shape = (len(piece), acquisition.records)
-            counts = samples.counts.reshape(*shape, *samples.counts.shape[1:])
-            good = samples.status.reshape(shape) == 0 if len(samples.status) else None
+            counts = _as_told(samples).reshape(*shape, *samples.counts.shape[1:])
+            lost = samples.status & Status.dropped_out
+            good = (lost == 0).reshape(shape) if len(lost) else None
             volts = samples.volts_per_count
             found.append(self.signal.sums(counts, design, volts_per_count=volts, good=good))
         return ResponseSums.concatenated(found)
+
+
+def _as_told(samples: RawSamples) -> NDArray[np.int16]:
+    """Let samples show what the instrument says of their records: over range, or no trigger.
+
+    Faults of records are then found, and named, in one way, whether it says so or not.
+    """
+    over, missed = (samples.status & s != 0 for s in (Status.over_range, Status.untriggered))
+    if not (over.any() or missed.any()):
+        return samples.counts
+    counts = samples.counts.copy()
+    counts[over] = np.iinfo(counts.dtype).max
+    counts[missed, CHANNELS.index("reference")] = 0
+    return counts
 
 
 def _require_as_asked(samples: RawSamples, acquisition: Acquisition, pixels: int) -> None:

@@ -513,10 +513,11 @@ def truth_to_dataset(
     """
     plate = VibratingPlate.built(scene.plate)
     hertz = np.atleast_1d(np.asarray(frequency, float))
-    velocity = amplitude * np.stack([plate.velocity(points, f) for f in hertz], axis=-1)
+    volts = np.asarray(amplitude, float)
+    velocity = volts * np.stack([plate.velocity(points, f) for f in hertz], axis=-1)
     strain = None
     if places is not None:
-        strain = amplitude * np.stack([plate.strain(places, f, frames) for f in hertz], axis=-1)
+        strain = volts * np.stack([plate.strain(places, f, frames) for f in hertz], axis=-1)
     coords = {"node": np.arange(len(points)), "frequency": hertz}
     if places is not None:
         coords["strain_component"] = np.array(["ss", "tt", "st"])

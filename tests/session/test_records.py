@@ -17,7 +17,7 @@ from sldvexp.scan import Sampling
 from sldvexp.session import Watcher, Wish
 from sldvexp.session.records import Averaging, acquisition_of, added, once_more, worst_first
 from sldvexp.session.session import scan_views
-from sldvexp.signal import ExcitationKind, Response, ResponseSums
+from sldvexp.signal import ExcitationKind, RecordFault, Response, ResponseSums
 
 CORNERS = "[[-630, 130], [-630, -1400], [640, -1400], [640, 130]]"
 RATE, SAMPLES = 5120.0, 512
@@ -148,6 +148,28 @@ class Spoilt:
         shape = (len(dac) * a.records + self.records, 2, a.samples + self.samples)
         return RawSamples(np.ones(shape, np.int16), np.ones(2), a.rate * self.rate,
                           np.zeros(shape[0], np.uint8), a.records)  # fmt: skip
+
+
+def test_what_the_instrument_says_of_a_record_is_what_is_wrong_with_it():
+    acquisition = acquisition_of(Sampling(RATE, SAMPLES, excitation=ExcitationKind.chirp))
+    played = (1000 * acquisition.drive.waveform()).astype(np.int16)
+    told = np.array([[1, 0, 2, 4] + 6 * [0], 10 * [0]], np.uint8)
+    noise = np.random.default_rng(1).integers(-50, 50, (20, 2, SAMPLES)).astype(np.int16)
+
+    def scan(dac, stream=None):
+        return RawSamples(noise + played, np.full(2, 1e-3), RATE, told.ravel(), 10)
+
+    instrument = SimpleNamespace(scan=scan, configure=lambda acquisition: None)
+    sums = Averaging(Response(), acquisition, 0).measure(instrument, np.zeros((2, 2), int), 0)
+    names = [fault.name for fault in RecordFault]
+    assert dict(zip(names, sums.left_out[0].tolist(), strict=True)) == {
+        "saturated": 1,
+        "dropped_out": 1,
+        "reference_missing": 1,
+        "non_finite": 0,
+        "double_hit": 0,
+    }
+    assert sums.count.tolist() == [7, 10]
 
 
 @pytest.mark.parametrize(
