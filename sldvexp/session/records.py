@@ -2,9 +2,9 @@
 
 Of a scan line nothing stays but the sums of its records (`sldvexp.signal.ResponseSums`), 32 bytes a
 pixel and line. A record that is over range, has lost its light or missed its trigger is left out
-and taken again, up to a limit for each pixel. At the end of a view those pixels are measured once
-more whose coherence is worst, as long as there is time: all records of a pixel are alike, so that
-its error goes with one over the root of their number.
+and taken again, up to a limit for each pixel, unless no record of the pixel is good. At the end of
+a view those pixels are measured once more whose coherence is worst, as long as there is time: all
+records of a pixel are alike, so that its error goes with one over the root of their number.
 """
 
 from __future__ import annotations
@@ -29,6 +29,8 @@ HELD = 2**21
 AGAIN = 2**32
 #: Largest relative difference of the rate that was set from the one that was asked for.
 RATE = 1e-6
+#: Coherence over that of noise, up to which nothing moves.
+NOTHING = 2.0
 #: Pixels of a line that is measured once more.
 ONCE_MORE = 25
 
@@ -86,7 +88,7 @@ class Averaging:
         wanted, left = self.acquisition.records, self.again
         for round_ in range(1, self.again + 1):
             missing = wanted - sums.count
-            few = np.flatnonzero(missing > 0)
+            few = np.flatnonzero((missing > 0) & (sums.count > 0))  # others are beside everything
             if not len(few) or left <= 0:
                 break
             records = int(min(missing[few].min(), left))
@@ -166,21 +168,25 @@ def worst_first(sums: ResponseSums) -> IntArray:
     """Order pixels by their coherence over all lines, the worst first, ties by their numbers.
 
     ``sum |Sxy|^2 / Sxx`` over ``sum Syy``: a line counts by how much moves at it, so that a node at
-    one line does not make a good pixel a bad one.
+    one line does not make a good pixel a bad one. Of n records of noise alone that is 1 / n; pixels
+    that have no more than `NOTHING` times this come last, for nothing moves there, or no light
+    comes back, and more records would not help.
 
     Examples
     --------
     >>> import numpy as np
     >>> from sldvexp.signal import ResponseSums
-    >>> sums = ResponseSums.zeros(2, [50.0])
-    >>> sums.add(np.ones((2, 2, 1)), [[[1.0], [1.0]], [[1.0], [-1.0]]])
+    >>> sums = ResponseSums.zeros(3, [50.0])
+    >>> still, rough = [[[-1.0], [1.0], [1.0], [-1.0]], [[1.0], [0.5], [1.5], [1.0]]]
+    >>> sums.add(np.ones((3, 4, 1)), [np.ones((4, 1)), still, rough])
     >>> worst_first(sums).tolist()
-    [1, 0]
+    [2, 0, 1]
     """
     with np.errstate(invalid="ignore", divide="ignore"):
         explained = np.nansum(np.abs(sums.sxy) ** 2 / sums.sxx, axis=1)
-        coherence = explained / sums.syy.sum(axis=1)
-    return np.argsort(np.nan_to_num(coherence), kind="stable")
+        coherence = np.nan_to_num(explained / sums.syy.sum(axis=1))
+    moves = coherence * sums.count > NOTHING
+    return np.argsort(np.where(moves, coherence, np.inf), kind="stable")
 
 
 def once_more(

@@ -115,13 +115,22 @@ def test_averages_are_replayed_to_the_bit(composed, tmp_path):
         scanned(composed, tmp_path / "other", *replay, "scan.sampling.records=9")
 
 
+def test_where_no_light_comes_back_nothing_is_taken_again(composed, tmp_path):
+    dark = ("scene.backdrop=false", "scan.views={a: {corners: [[-640, 130], [-640, -2400], "
+            "[640, -2400], [640, 130]]}}", "scene.vibrometer.drop_out=0")  # fmt: skip
+    image, _ = scanned(composed, tmp_path, *dark)
+    lost = image["flags"].values != 0
+    assert 0 < lost.sum() < lost.size
+    np.testing.assert_array_equal(image["left_out"].sel(fault="dropped_out")[lost], 10)
+
+
 def test_the_worst_coherence_comes_first_and_time_ends():
     rng = np.random.default_rng(5)
     x = rng.standard_normal((6, 20, 3, 2)) @ [1, 1j]
-    noise = np.array([0.1, 2.0, 0.3, 1.0, 0.2, 4.0])[:, None, None]
+    noise = np.array([0.1, 1.0, 0.3, 0.7, 100.0, 2.0])[:, None, None]
     sums = ResponseSums.zeros(6, [50.0, 60.0, 70.0])
     sums.add(x, x + noise * (rng.standard_normal((*x.shape, 2)) @ [1, 1j]))
-    assert worst_first(sums).tolist()[:3] == [5, 1, 3]
+    assert worst_first(sums).tolist() == [5, 1, 3, 2, 0, 4]  # where nothing moves is the last
     dac = np.arange(12).reshape(6, 2)
     ((pixels, where),) = once_more(sums, dac, seconds=2.0, spare=5.0)
     assert pixels.tolist() == [5, 1]
