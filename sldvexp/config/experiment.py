@@ -113,7 +113,7 @@ class Experiment:
     seed : int
         Seed of the run's one random generator.
     target, laser, scene, scan, instrument, signal : plugin
-    pose, volume, reconstruction, material, solver, stream, modal : plugin
+    pose, volume, reconstruction, material, solver, stream, modal, model : plugin
         A stage without a plugin is left out.
     compare_scan : dict of str to scan
         Further scans with the same instrument, for the pose methods of the same names.
@@ -160,6 +160,7 @@ class Experiment:
             "by_hand": "sldvexp.scan.by_hand",
             "calibration": "sldvexp.scan.calibration",
             "list": "sldvexp.scan.pixel_list",
+            "outline": "sldvexp.scan.outline",
             "rectangle": "sldvexp.scan.rectangle",
             "session": "sldvexp.scan.session",
         },
@@ -183,10 +184,12 @@ class Experiment:
         "pose",
         {
             "bitangent": "sldvexp.pose.bitangent",
+            "bundle": "sldvexp.pose.bundle",
             "digitizer": "sldvexp.pose.digitizer",
             "edge": "sldvexp.pose.edge",
             "given": "sldvexp.pose.given",
             "manual": "sldvexp.pose.manual",
+            "part": "sldvexp.pose.part",
             "registration": "sldvexp.pose.registration",
         },
     )
@@ -223,6 +226,9 @@ class Experiment:
     )
     stream: Any = one_of("stream", {"dask": "sldvexp.field.streaming.dask"})
     modal: Any = one_of("modal", {"own": "sldvexp.modes.own"})
+    model: Any = one_of(
+        "model", {"file": "sldvexp.models.model_file", "plate": "sldvexp.models.skfem_plate"}
+    )
     compare_scan: dict[str, Any] = several_of("scan")
     compare_pose: dict[str, Any] = several_of("pose", makes="compare_pose")
     compare: dict[str, Any] = several_of("reconstruction", makes="compare")
@@ -242,6 +248,7 @@ class Experiment:
             "lever_arm": "sldvexp.check.lever_arm",
             "love": "sldvexp.check.love",
             "middle_surface": "sldvexp.check.middle_surface",
+            "modal_truth": "sldvexp.check.modal_truth",
             "needed_components": "sldvexp.check.needed_components",
             "phase_image": "sldvexp.check.phase_image",
             "pose_equivalence": "sldvexp.check.pose_equivalence",

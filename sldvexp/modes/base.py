@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from sldvexp.modes.responses import Responses
@@ -18,6 +19,8 @@ class ModalFit:
     ----------
     pole : ndarray of complex, shape (mode,), rad/s
         In rising order of their natural frequencies, with positive imaginary parts.
+    beyond : ndarray of complex, shape (other,), rad/s
+        Of modes beside the band that are in the model, but no result.
     covariance : ndarray, shape (2 mode, 2 mode)
         Of ``ln w_r`` of all modes, then of ``ln zeta_r``, as the stated noise makes it. NaN of a
         method that has none.
@@ -25,6 +28,8 @@ class ModalFit:
         Weighted squares of what the modes leave over of the lines, and their expectation.
     by_line : ndarray, shape (line,)
         Ratio of the two, line by line.
+    responses : int
+        How many responses stand out of the noise, whose squares these are.
     noise_ratio : float
         Root of the variance of all that is no signal, over the stated one.
     stabilisation : Stabilisation
@@ -32,10 +37,12 @@ class ModalFit:
     """
 
     pole: ComplexArray
+    beyond: ComplexArray
     covariance: Array
     chi_square: float
     dof: float
     by_line: Array
+    responses: int
     noise_ratio: float
     stabilisation: Stabilisation
 
@@ -59,6 +66,11 @@ class ModalMethod(ABC):
     @abstractmethod
     def lines(self) -> tuple[float, float] | None:
         """Band whose lines are used, Hz; all of them without one."""
+
+    @property
+    def left_out(self) -> Sequence[float]:
+        """Lines that are not used, Hz."""
+        return ()
 
     @abstractmethod
     def identify(self, responses: Responses) -> ModalFit:

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from sldvexp import dataset
+from sldvexp.dataset import Finding
 from sldvexp.lazy import xarray as xr
 from sldvexp.modes.base import ModalFit, ModalMethod
 from sldvexp.modes.collinearity import PhaseSums
+from sldvexp.modes.findings import findings_about, inflation
 from sldvexp.modes.images import ModalImage, ModalProjection
 from sldvexp.modes.quality import LineSums
 from sldvexp.modes.responses import Responses
@@ -33,12 +35,14 @@ class ModalEstimate:
         The group ``modes``.
     images : dict of str to xarray.Dataset
         Groups like ``image/<view>`` with a mode in the place of each line, by the view.
+    findings : list of Finding
     """
 
     fit: ModalFit
     projection: ModalProjection
     modes: xr.Dataset
     images: dict[str, xr.Dataset]
+    findings: list[Finding]
 
     def groups(self) -> dict[str, xr.Dataset]:
         """Name the groups of a run that it makes."""
@@ -84,10 +88,13 @@ def estimate_modes(images: Mapping[str, xr.Dataset], method: ModalMethod) -> Mod
     >>> found["natural_frequency"].values.round(2), found["damping_ratio"].values.round(4)
     (array([100.]), array([0.01]))
     """
-    responses = Responses.from_images(images, method.lines)
+    responses = Responses.from_images(images, method.lines, method.left_out)
     fit = method.identify(responses)
+    p_value = float(chi_square_p_value(fit.chi_square, fit.dof))
+    wider = inflation(fit.chi_square / fit.dof, p_value)
+    fit = replace(fit, covariance=fit.covariance * wider)
     line_std = responses.noise()[1]
-    projection = ModalProjection(fit.pole, responses.frequency, 1 / line_std)
+    projection = ModalProjection(fit.pole, fit.beyond, responses.frequency, 1 / line_std)
     mixing = projection.mixing(fit.covariance)
     found, sums, quality = {}, PhaseSums.empty(len(fit.pole)), LineSums.empty(len(line_std))
     for modal in projection.images(responses):
@@ -96,7 +103,9 @@ def estimate_modes(images: Mapping[str, xr.Dataset], method: ModalMethod) -> Mod
         found[modal.view.name] = _image(modal, image, fit, np.diag(mixing))
         sums += PhaseSums.of(modal.velocity[used], modal.std[used])
         quality += LineSums.of(modal, used)
-    return ModalEstimate(fit, projection, _modes(fit, responses, mixing, sums, quality), found)
+    modes = _modes(fit, responses, mixing, sums, quality)
+    told = list(findings_about(modes, fit.responses))
+    return ModalEstimate(fit, projection, modes, found, told)
 
 
 def _natural(fit: ModalFit) -> tuple[Array, Array]:

@@ -53,11 +53,14 @@ class ModalProjection:
     Parameters
     ----------
     pole : ndarray of complex, shape (mode,), rad/s
+    beyond : ndarray of complex, shape (other,), rad/s
+        Poles of the model whose modes are not told.
     frequency : ndarray, shape (line,), Hz
     weight : ndarray, shape (line,)
     """
 
     pole: ComplexArray
+    beyond: ComplexArray
     frequency: Array
     weight: Array
 
@@ -68,12 +71,15 @@ class ModalProjection:
 
     @cached_property
     def rows(self) -> Array:
-        """Matrix of the model, (2 line, 2 mode + 4)."""
-        return basis(self.pole, self.omega)
+        """Matrix of the model: Re R, then Im R of all modes told, then all others."""
+        whole, told = np.append(self.pole, self.beyond), len(self.pole)
+        columns = basis(whole, self.omega)
+        rest = np.delete(columns, np.r_[:told, len(whole) : len(whole) + told], axis=1)
+        return np.hstack([columns[:, :told], columns[:, len(whole) : len(whole) + told], rest])
 
     @cached_property
     def inverse(self) -> Array:
-        """Matrix of the least squares, (2 mode + 4, 2 line)."""
+        """Matrix of the least squares, (coefficient, 2 line)."""
         weight = np.tile(self.weight, 2)
         return np.asarray(np.linalg.pinv(weight[:, None] * self.rows) * weight)
 

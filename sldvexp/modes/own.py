@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from sldvexp.config.registry import register
@@ -28,6 +29,8 @@ class MostLikelyModes(ModalMethod):
     ----------
     band : list of 2 float, Hz
         Lines that are used; all without it.
+    leave_out : list of float, Hz
+        Lines that are not used, as harmonics of strong ones.
     order : int
         Highest order of the linear fits; 0 takes as many as the number of signals asks for.
     frequency, damping : float
@@ -41,6 +44,7 @@ class MostLikelyModes(ModalMethod):
     """
 
     band: list[float] = field(default_factory=list)
+    leave_out: list[float] = field(default_factory=list)
     order: int = 0
     frequency: float = 0.01
     damping: float = 0.1
@@ -54,6 +58,8 @@ class MostLikelyModes(ModalMethod):
         checks.require(ok, "band", f"must be two rising frequencies in Hz, not {self.band}")
         ok = self.order == 0 or self.order >= 4
         checks.require(ok, "order", f"must be 0 or at least 4, not {self.order}")
+        for hertz in self.leave_out:
+            checks.positive("leave_out", hertz)
         checks.positive("frequency", self.frequency)
         checks.positive("damping", self.damping)
         for name in ("mac", "highest_damping", "share"):
@@ -64,6 +70,11 @@ class MostLikelyModes(ModalMethod):
     def lines(self) -> tuple[float, float] | None:
         """See `ModalMethod`."""
         return (self.band[0], self.band[1]) if self.band else None
+
+    @property
+    def left_out(self) -> Sequence[float]:
+        """See `ModalMethod`."""
+        return self.leave_out
 
     def identify(self, responses: Responses) -> ModalFit:
         """See `ModalMethod`."""
@@ -81,20 +92,22 @@ class MostLikelyModes(ModalMethod):
             )
         poles = poles_by_order(principal, self._highest_order(principal))
         found = stabilise(poles, principal, self.rules)
+        band = f"between {responses.frequency[0]:g} and {responses.frequency[-1]:g} Hz"
         if not found.modes:
-            raise UserError(
-                f"no mode lies between {responses.frequency[0]:g} and {responses.frequency[-1]:g} "
-                "Hz: no pole stays as the order grows"
-            )
+            raise UserError(f"no mode lies {band}: no pole stays as the order grows")
         fit = most_likely(principal, found.starts())
+        if not len(fit.pole):
+            raise UserError(f"no mode lies {band}: those that are seen lie beside it")
         return ModalFit(
             fit.pole,
+            fit.beyond,
             fit.covariance,
             fit.chi_square,
             fit.dof,
             fit.by_line,
+            len(principal.values),
             principal.noise_ratio,
-            found,
+            found.renumbered(fit.start),
         )
 
     @property

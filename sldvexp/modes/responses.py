@@ -8,7 +8,7 @@ of standard errors that a few records tell.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -62,7 +62,10 @@ class Responses:
 
     @classmethod
     def from_images(
-        cls, images: Mapping[str, xr.Dataset], band: tuple[float, float] | None = None
+        cls,
+        images: Mapping[str, xr.Dataset],
+        band: tuple[float, float] | None = None,
+        left_out: Sequence[float] = (),
     ) -> Responses:
         """Take the lines of a band of images that all have the same lines.
 
@@ -71,6 +74,8 @@ class Responses:
         images : mapping of str to xarray.Dataset
             By the name of the view.
         band : pair of float, Hz, optional
+        left_out : sequence of float, Hz
+            Lines that are not taken.
 
         Raises
         ------
@@ -96,6 +101,11 @@ class Responses:
             place = place[(lines[place] >= low) & (lines[place] <= high)]
             if not len(place):
                 raise UserError(f"band: no line lies between {low:g} and {high:g} Hz")
+        for hertz in left_out:
+            same = np.isclose(lines[place], hertz, rtol=SAME_LINE, atol=0)
+            if not same.any():
+                raise UserError(f"leave_out: there is no line at {hertz:g} Hz")
+            place = place[~same]
         if (twice := np.flatnonzero(np.diff(lines[place]) <= 0)).size:
             raise UserError(f"the line at {lines[place][twice[0]]:g} Hz is there twice")
         return cls(lines[place], images, place, _reference(images, place))
@@ -107,19 +117,25 @@ class Responses:
             return float("nan")
         return float(np.sqrt(np.mean(self.reference**2)))
 
+    @property
+    def level(self) -> Array:
+        """Factors from the images' velocities to those for the nominal excitation, (line,)."""
+        if self.reference is None:
+            return np.ones(len(self.place))
+        return self.nominal / self.reference
+
+    def _std(self, image: xr.Dataset) -> Array:
+        """Read the standard errors of an image, (pixel, line)."""
+        std = image["velocity_std"].values.astype(float)
+        std = std[:, self.place] if std.ndim == 2 else std[:, None]
+        return np.asarray(std * self.level)
+
     def views(self, flagged: bool = False) -> Iterator[ViewResponses]:
         """Read view after view, with pixels that have a flag or without them."""
-        level = np.ones(len(self.place))
-        if self.reference is not None:
-            level = self.nominal / self.reference
         for name, image in self.images.items():
             pixel = np.flatnonzero((image["flags"].values == 0) | flagged)
-            velocity = np.asarray(image["velocity"].values[pixel][:, self.place], complex)
-            std = image["velocity_std"].values.astype(float)[pixel]
-            std = std[:, self.place] if std.ndim == 2 else std[:, None]
-            if not (flagged or (np.isfinite(std) & (std > 0)).all()):
-                raise UserError(f"view {name}: has pixels whose noise is not known, and no flag")
-            yield ViewResponses(name, np.asarray(velocity * level, complex), std * level)
+            seen = np.asarray(image["velocity"].values[pixel][:, self.place] * self.level, complex)
+            yield ViewResponses(name, seen, self._std(image)[pixel])
 
     def noise(self) -> tuple[dict[str, Array], Array]:
         """Find the factors of the noise.
@@ -131,11 +147,16 @@ class Responses:
         line : ndarray, shape (line,)
             Root of the mean of the squares over all pixels, in units of the pixel's.
         """
-        line = np.ones(len(self.place))
+        line, pixel = np.ones(len(self.place)), {}
         for _ in range(2):  # weights of lines by rough factors of the pixels, then these again
-            pixel = {v.name: np.sqrt(np.mean((v.std / line) ** 2, axis=1)) for v in self.views()}
-            squares = [np.sum((v.std / pixel[v.name][:, None]) ** 2, axis=0) for v in self.views()]
-            line = np.sqrt(np.sum(squares, axis=0) / sum(map(len, pixel.values())))
+            squares = np.zeros(len(line))
+            for name, image in self.images.items():
+                std = self._std(image)[image["flags"].values == 0]
+                if not (np.isfinite(std) & (std > 0)).all():
+                    raise UserError(f"view {name}: has unflagged pixels of unknown noise")
+                pixel[name] = np.sqrt(np.mean((std / line) ** 2, axis=1))
+                squares += np.sum((std / pixel[name][:, None]) ** 2, axis=0)
+            line = np.sqrt(squares / sum(map(len, pixel.values())))
         return pixel, line
 
 

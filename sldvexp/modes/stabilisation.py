@@ -8,7 +8,7 @@ a cluster that a good share of the orders has.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -43,6 +43,13 @@ class Stabilisation:
     def modes(self) -> int:
         """How many there are."""
         return int(self.mode.max(initial=-1)) + 1
+
+    def renumbered(self, kept: IndexArray) -> Stabilisation:
+        """Keep some of the modes, in another order."""
+        mode = np.full(len(self.mode), -1)
+        for new, old in enumerate(kept):
+            mode[self.mode == old] = new
+        return replace(self, mode=mode)
 
     def starts(self) -> ComplexArray:
         """Take the medians of each mode's poles, rad/s."""

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import chain, count
 
 from sldvexp import field as velocity_field
-from sldvexp import importers, modes, session, shell, verdict, virtual_lab
+from sldvexp import importers, models, modes, session, shell, verdict, virtual_lab
 from sldvexp.check import Examination, evaluate
 from sldvexp.config.experiment import Experiment
 from sldvexp.config.paths import JOURNAL
@@ -207,6 +207,22 @@ def _modes(run: Run) -> None:
     except UserError as error:
         raise UserError(f"modal: {error}") from None
     run.tree |= found.groups()
+    run.tree[f"{VERDICT}/modes"] = findings_to_dataset(found.findings)
+
+
+def _model(run: Run) -> None:
+    """Put a finite element model to the test by the measured modes."""
+    e = run.experiment
+    run.inputs += e.model.inputs()
+    if e.laser is None:
+        raise UserError("model: needs a laser, whose beams tell where pixels meet it")
+    images = {k.removeprefix("image/"): v for k, v in run.tree.items() if k.startswith("image/")}
+    try:
+        found = models.examine_model(run.tree, e.laser, e.model)
+    except UserError as error:
+        raise UserError(f"model: {error}") from None
+    run.tree |= models.model_to_datasets(found, images)
+    run.tree[f"{VERDICT}/model"] = findings_to_dataset(models.findings_about(found))
 
 
 def _point(run: Run) -> None:
@@ -229,16 +245,40 @@ def _field(run: Run) -> None:
     if e.stream is not None:
         _streamed_field(run)
         return
+    _reconstruct(run, "field", partial(_in_volume, e, run.tree), partial(_on_surface, e, run.tree))
 
-    def in_volume(method: Reconstruction) -> xr.Dataset:
-        visibility = velocity_field.estimate.volume_visibility(run.tree, e.laser, e.volume)
-        return velocity_field.estimate.reconstruct(run.tree, visibility, e.volume, method, e.solver)
 
-    def on_surface(method: shell.SurfaceReconstruction) -> list[xr.Dataset]:
-        found = shell.estimate.reconstruct_surface(run.tree, e.laser, e.volume, method, e.material)
-        return [found.field()] if found.frequency is None else [found.field(), found.strain()]
+def _in_volume(e: Experiment, tree: Mapping[str, xr.Dataset], method: Reconstruction) -> xr.Dataset:
+    """Make the field of the images of a tree."""
+    visibility = velocity_field.estimate.volume_visibility(tree, e.laser, e.volume)
+    return velocity_field.estimate.reconstruct(tree, visibility, e.volume, method, e.solver)
 
-    _reconstruct(run, "field", in_volume, on_surface)
+
+def _on_surface(
+    e: Experiment, tree: Mapping[str, xr.Dataset], method: shell.SurfaceReconstruction
+) -> list[xr.Dataset]:
+    """Make the splines' field of the images of a tree and, if lines are known, its strain."""
+    found = shell.estimate.reconstruct_surface(tree, e.laser, e.volume, method, e.material)
+    return [found.field()] if found.frequency is None else [found.field(), found.strain()]
+
+
+def _fields_of_modes(run: Run) -> None:
+    """Make fields of the modal images as of any others, and with splines their strains."""
+    e = run.experiment
+    own = {k: v for k, v in run.tree.items() if not k.startswith("image/")}
+    tree = own | {
+        k.removeprefix("modes/"): image
+        for k, image in run.tree.items()
+        if k.startswith(modes.estimate.MODAL_IMAGES)
+    }
+    try:
+        if isinstance(e.reconstruction, shell.SurfaceReconstruction):
+            found = _on_surface(e, tree, e.reconstruction)
+        else:
+            found = [_in_volume(e, tree, e.reconstruction)]
+    except UserError as error:
+        raise UserError(f"modal: {error}") from None
+    run.tree |= dict(zip(("modes/field", "modes/strain"), found, strict=False))
 
 
 def _streamed_field(run: Run) -> None:
@@ -427,9 +467,24 @@ STEPS: tuple[Step, ...] = (
         "modes",
         lambda e: e.modal is not None,
         _modes,
-        makes=("modes", modes.estimate.MODAL_IMAGES),
+        makes=("modes", modes.estimate.MODAL_IMAGES, f"{VERDICT}/modes"),
         needs=("image/",),
         reads=("modal",),
+    ),
+    Step(
+        "finite element model",
+        lambda e: e.model is not None,
+        _model,
+        makes=("model", "model/", f"{VERDICT}/model"),
+        needs=("modes", modes.estimate.MODAL_IMAGES, "pose", "volume", "image/"),
+    ),
+    Step(
+        "shapes of the modes",
+        lambda e: bool(e.modal and e.reconstruction and e.volume and e.laser and e.solver),
+        _fields_of_modes,
+        makes=("modes/field", "modes/strain"),
+        needs=("pose", "volume", modes.estimate.MODAL_IMAGES),
+        reads=SOLVING,
     ),
     Step(
         "velocity at points",

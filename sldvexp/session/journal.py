@@ -149,6 +149,12 @@ class Journal:
             path.replace(self.folder / f".{name}.{earlier + 1}.json")
 
 
+def lines_kept(folder: Path) -> dict[str, int]:
+    """Count the scan lines that a run's journal has of each view."""
+    views = (path for path in folder.glob("[!.]*") if path.is_dir())
+    return {view.name: len(list(view.glob("[!.]*.npz"))) for view in sorted(views)}
+
+
 def require_same(folder: Path, configuration: object) -> None:
     """Tie a folder of scan lines to the configuration that they are measured with.
 

@@ -27,6 +27,9 @@ from sldvexp.signal import (
 )
 from sldvexp.typing import IntArray
 
+#: Beginning of the names of lines that search a circle around where a rough pose predicts it.
+SEARCH = "search"
+
 
 @dataclass(frozen=True)
 class PartAhead:
@@ -41,6 +44,8 @@ class PartAhead:
         Pixels of these that the journal has already, so that they are not scanned.
     seconds : float, s
         Of samples, for all pixels.
+    searches : bool
+        Whether circles are searched first, which takes more pixels than these.
     """
 
     kind: str
@@ -48,6 +53,7 @@ class PartAhead:
     pixels: int
     kept: int
     seconds: float
+    searches: bool = False
 
 
 @dataclass(frozen=True)
@@ -94,7 +100,8 @@ class LineDone:
     kind : str
         Of the part.
     lines : str
-        Name of the lines that are scanned together: ``image``, or ``2_coarse`` of a circle.
+        Name of the lines that are scanned together: ``image``, ``2_coarse`` of a circle, or
+        ``search_003`` of a ring of pixels around a predicted circle.
     number, count : int
         Line `number` of `count` such lines, from 1.
     dac : ndarray of int, shape (pixel, 2), steps
@@ -127,6 +134,11 @@ class LineDone:
         The session makes them of all lines together, which with `refine` gives other frequencies.
         """
         return pixels_of(self.signal, self.acquisition, [self.samples])
+
+    @property
+    def searches(self) -> bool:
+        """True if it is one of a search, that nobody knew of before."""
+        return self.lines.startswith(SEARCH)
 
     @property
     def level(self) -> tuple[float, float]:
@@ -226,16 +238,19 @@ class Watcher:
         return nullcontext()
 
 
-def in_words(lines: str) -> str:
-    """Say which lines are scanned together, in the singular.
+def in_words(lines: str, number: int, count: int) -> str:
+    """Say which line it is of those that are scanned together.
 
     Examples
     --------
-    >>> in_words("image"), in_words("2_coarse")
-    ('line', 'circle 2, coarse line')
+    >>> in_words("image", 3, 25), in_words("2_coarse", 1, 3), in_words("search_007", 1, 1)
+    ('line 3 of 25', 'circle 2, coarse line 1 of 3', 'searching circles, ring 7')
     """
-    circle, _, stage = lines.partition("_")
-    return f"circle {circle}, {stage} line" if stage else "line"
+    first, _, stage = lines.partition("_")
+    if first == SEARCH:
+        return f"searching circles, ring {int(stage)}"
+    named = f"circle {first}, {stage} line" if stage else "line"
+    return f"{named} {number} of {count}"
 
 
 def pixels_of(

@@ -15,6 +15,9 @@ from sldvexp.laser import TwoMirror, rays
 from sldvexp.lazy import scipy
 from sldvexp.typing import Array, ComplexArray
 
+#: Standard deviations from an edge beyond which no light is left to the last bit.
+FAR = 40.0
+
 
 @dataclass
 class Spot:
@@ -127,7 +130,7 @@ def part_inside(
     c_tt = variance * (1.0 + (edge / across) ** 2)
     c_ot = variance * out * edge / across**2
     sigma = np.sqrt(np.maximum(c_oo, np.finfo(float).tiny))
-    z = depth / sigma
+    z = np.clip(depth / sigma, -FAR, FAR)
     sag = c_tt - c_ot**2 / sigma**2 + (c_ot / sigma * z) ** 2
     density = np.exp(-0.5 * z**2) / (np.sqrt(2.0 * np.pi) * sigma)
     return scipy.special.ndtr(z) - 0.5 * curvature * sag * density

@@ -36,7 +36,12 @@ from sldvexp.virtual_lab.modes import (
     RectangularPlate,
 )
 from sldvexp.virtual_lab.motion import DampedModes, Sheet
-from sldvexp.virtual_lab.surface import CylinderSurface, FlatSurface, PlateSurface
+from sldvexp.virtual_lab.surface import (
+    CylinderSurface,
+    FlatSurface,
+    LitSurface,
+    PlateSurface,
+)
 
 
 @dataclass
@@ -162,6 +167,9 @@ class Plate(AnyPlate):
         frequencies, that which it had without the masses and ribs.
     ribs : dict of str to Rib
         On the same.
+    spot_edges : bool
+        Whether a spot on an edge of a flat plate or its holes sees a mean of the plate's velocity
+        and of what rests behind, as a real one does. Else it sees what its axis meets.
     """
 
     size: list[float] = field(default_factory=lambda: [0.3, 0.25])
@@ -174,6 +182,7 @@ class Plate(AnyPlate):
     holes: dict[str, Hole] = field(default_factory=dict)
     masses: dict[str, PointMass] = field(default_factory=dict)
     ribs: dict[str, Rib] = field(default_factory=dict)
+    spot_edges: bool = False
 
     @property
     def mode_names(self) -> tuple[str, ...]:
@@ -189,7 +198,8 @@ class Plate(AnyPlate):
         limits = [[m - h, m + h] for m, h in zip(middles, halves, strict=True)]
         holes = unit * np.array(limits).reshape(-1, 2, 2) + size / 2
         if self.radius is None:
-            return FlatSurface(size, height, holes)
+            kind = LitSurface if self.spot_edges else FlatSurface
+            return kind(size, height, holes)
         return CylinderSurface(size, height, holes, unit * self.radius)
 
     def vibration(self) -> DampedModes:
@@ -235,6 +245,8 @@ class Plate(AnyPlate):
             mode.check(checks, f"{name}.modes.{mode_name}", self.edges)
         for hole_name, hole in self.holes.items():
             hole.check(checks, f"{name}.holes.{hole_name}")
+        flat = self.radius is None or not self.spot_edges
+        checks.require(flat, f"{name}.spot_edges", "needs a flat plate, without radius")
         if self.radius is not None and len(checks.problems) == known:
             self._check_radius(checks, f"{name}.radius", self.radius)
         self._check_coupling(checks, f"{name}.coupling")
@@ -339,6 +351,11 @@ class VibratingPlate(SceneObject):
             back = replace(self, surface=self.surface.back)
             own = back._seen_of_side(origin[behind], direction[behind])
             distance[behind], along_sight[behind] = own[:2]
+        if isinstance(self.surface, LitSurface):
+            met = np.isfinite(distance)
+            points = origin[met] + distance[met, None] * direction[met]
+            light = self.surface.light(points, direction[met], beams.radius(distance[met]))
+            along_sight[met] *= light[:, None]
         return distance, along_sight
 
     def spectra(self, frequency: Array) -> ComplexArray:
@@ -373,6 +390,22 @@ class VibratingPlate(SceneObject):
         place = self._place(points)
         local = np.einsum("pmi,m->pi", self._motion(place), self._response(frequency))
         return np.einsum("pij,pi->pj", self.surface.frame(place) @ self.rotation, local)
+
+    def modal_velocity(self, points: ArrayLike) -> Array:
+        """Compute each mode's own velocity at its resonance, nearest to points of the world.
+
+        Parameters
+        ----------
+        points : array_like, shape (point, 3), m
+
+        Returns
+        -------
+        ndarray, shape (point, 3, mode), m/s per V of excitation
+            Along the world's axes; NaN beside the plate and over its holes.
+        """
+        place = self._place(points)
+        local = self._motion(place) * self.modes.velocity[:, None]
+        return np.einsum("pij,pmi->pjm", self.surface.frame(place) @ self.rotation, local)
 
     def strain(
         self, points: ArrayLike, frequency: float, axes: Array | None = None
