@@ -220,7 +220,7 @@ class Experiment:
         chosen="iterative",
     )
     stream: Any = one_of("stream", {"dask": "sldvexp.field.streaming.dask"})
-    modal: Any = one_of("modal", {"own": "sldvexp.modes.own"})
+    modal: Any = one_of("modal", {"own": "sldvexp.modes.own", "sdypy": "sldvexp.modes.by_sdypy"})
     compare_scan: dict[str, Any] = several_of("scan")
     compare_pose: dict[str, Any] = several_of("pose", makes="compare_pose")
     compare: dict[str, Any] = several_of("reconstruction", makes="compare")
