@@ -39,6 +39,7 @@ CHAPTERS = {
         "fields",
         "shell",
         "modes",
+        "models",
         "theory",
         "virtual_lab",
     ),
