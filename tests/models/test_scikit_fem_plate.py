@@ -9,7 +9,8 @@ import pytest
 
 from sldvexp.config.paths import locate
 from sldvexp.errors import ConfigError, UserError
-from sldvexp.models import ModelFile, ModelFrame, examine_model
+from sldvexp.models import ModelFile, ModelFrame
+from sldvexp.models.estimate import examine_model
 from sldvexp.models.skfem_plate import EdgeSide, PlateMass, PlateModel, PlateTolerance
 from tests.models.made_models import (
     CENTER,

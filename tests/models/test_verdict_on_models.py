@@ -16,11 +16,11 @@ from sldvexp.models import (
     ModelParameter,
     ModelSource,
     examine_frequencies,
-    examine_model,
-    findings_about,
-    model_to_datasets,
     update_parameters,
 )
+from sldvexp.models.estimate import examine_model
+from sldvexp.models.result import model_to_datasets
+from sldvexp.models.wording import findings_about
 from tests.models.made_models import (
     LASER,
     POSE_STD,
