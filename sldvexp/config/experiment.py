@@ -242,6 +242,7 @@ class Experiment:
             "lever_arm": "sldvexp.check.lever_arm",
             "love": "sldvexp.check.love",
             "middle_surface": "sldvexp.check.middle_surface",
+            "modal_truth": "sldvexp.check.modal_truth",
             "needed_components": "sldvexp.check.needed_components",
             "phase_image": "sldvexp.check.phase_image",
             "pose_equivalence": "sldvexp.check.pose_equivalence",

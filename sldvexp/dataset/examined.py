@@ -224,6 +224,17 @@ EXAMINED: dict[str, dict[str, Variable]] = {
         "concentration": _V("[frequency]", "1", "peak over the r.m.s. of the principal strain"),
         "true_concentration": _V("[frequency]", "1", "concentration of the truth"),
     },
+    "examined/modal_truth": {
+        "found": _V("true_mode", "1", "1 where the true mode was found"),
+        "missed_modes": _V("", "1", "true modes within the band that were not found"),
+        "false_modes": _V("", "1", "modes that are none"),
+        "natural_frequency_error": _V("true_mode", "1", "error of the frequency over the truth"),
+        "damping_ratio_error": _V("true_mode", "1", "error of the damping ratio over the truth"),
+        "covered": _V("", "1", "share of the poles' intervals of 95 % that hold the truth"),
+        "mac": _V("true_mode component", "1", "modal assurance criterion with the true shape"),
+        "shape_error": _V("true_mode component", "1", "r.m.s. error over the true r.m.s."),
+        "shape_covered": _V("true_mode component", "1", "share of intervals that hold the truth"),
+    },
     "examined/truth": {
         "relative_error": _V(
             "component [frequency]",

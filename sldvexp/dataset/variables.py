@@ -103,6 +103,10 @@ VARIABLES: dict[str, dict[str, Variable]] = {
         "complexity": _V("mode", "1", "1 - modal phase collinearity; 0 if all moves in phase"),
         "complexity_std": _V("mode", "1", "its standard error"),
         "phase": _V("mode", "rad", "phase of the mode at resonance against the reference", "deg"),
+        "modal_scale": _V(
+            "mode", "m/s", "r.m.s. velocity of all pixels at resonance, per unit of the reference"
+        ),
+        "modal_scale_std": _V("mode", "m/s", "its standard error"),
         "misfit": _V("", "1", "variance of what the modes leave over, over that of the noise"),
         "misfit_dof": _V("", "1", "real degrees of freedom behind it"),
         "misfit_p_value": _V("", "1", "probability of such a misfit if only noise is left over"),

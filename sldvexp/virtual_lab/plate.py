@@ -374,6 +374,22 @@ class VibratingPlate(SceneObject):
         local = np.einsum("pmi,m->pi", self._motion(place), self._response(frequency))
         return np.einsum("pij,pi->pj", self.surface.frame(place) @ self.rotation, local)
 
+    def modal_velocity(self, points: ArrayLike) -> Array:
+        """Compute each mode's own velocity at its resonance, nearest to points of the world.
+
+        Parameters
+        ----------
+        points : array_like, shape (point, 3), m
+
+        Returns
+        -------
+        ndarray, shape (point, 3, mode), m/s per V of excitation
+            Along the world's axes; NaN beside the plate and over its holes.
+        """
+        place = self._place(points)
+        local = self._motion(place) * self.modes.velocity[:, None]
+        return np.einsum("pij,pmi->pjm", self.surface.frame(place) @ self.rotation, local)
+
     def strain(
         self, points: ArrayLike, frequency: float, axes: Array | None = None
     ) -> ComplexArray:
