@@ -78,6 +78,7 @@ def model_shapes(source: Source | RunData) -> Figure:
         labels = [f"{'xyz'[i]}, {PLACE.shown_unit}" for i in plane]
         one.set(xlabel=labels[0], ylabel=labels[1])
         one.set_aspect("equal")
+        one.xaxis.set_major_locator(style.ticks(2))
         one.label_outer()
     return made
 
