@@ -36,6 +36,7 @@ CHAPTERS = {
         "choosing_a_method",
         "poses",
         "velocity_images",
+        "response_functions",
         "fields",
         "shell",
         "modes",

@@ -160,6 +160,7 @@ class Experiment:
             "by_hand": "sldvexp.scan.by_hand",
             "calibration": "sldvexp.scan.calibration",
             "list": "sldvexp.scan.pixel_list",
+            "outline": "sldvexp.scan.outline",
             "rectangle": "sldvexp.scan.rectangle",
             "session": "sldvexp.scan.session",
         },
@@ -176,15 +177,19 @@ class Experiment:
             "visa": "sldvexp.instrument.visa",
         },
     )
-    signal: Any = one_of("signal", {"sine_fit": "sldvexp.signal.sine_fit"})
+    signal: Any = one_of(
+        "signal", {"sine_fit": "sldvexp.signal.sine_fit", "response": "sldvexp.signal.response"}
+    )
     pose: Any = one_of(
         "pose",
         {
             "bitangent": "sldvexp.pose.bitangent",
+            "bundle": "sldvexp.pose.bundle",
             "digitizer": "sldvexp.pose.digitizer",
             "edge": "sldvexp.pose.edge",
             "given": "sldvexp.pose.given",
             "manual": "sldvexp.pose.manual",
+            "part": "sldvexp.pose.part",
             "registration": "sldvexp.pose.registration",
         },
     )
@@ -237,6 +242,7 @@ class Experiment:
             "faces": "sldvexp.check.faces",
             "field_pattern": "sldvexp.check.field_pattern",
             "gages": "sldvexp.check.gages",
+            "image_truth": "sldvexp.check.image_truth",
             "kreis": "sldvexp.check.kreis",
             "left_out": "sldvexp.check.left_out",
             "lever_arm": "sldvexp.check.lever_arm",

@@ -82,6 +82,14 @@ VARIABLES: dict[str, dict[str, Variable]] = {
         "harmonic_p_value": _V(
             "pixel channel harmonic", "1", "probability of such an F without that harmonic"
         ),
+        "reference_amplitude": _V(
+            "[frequency]", "V", "amplitude of the reference to which the velocity belongs"
+        ),
+        "coherence": _V(
+            "pixel [frequency]", "1", "share of the response that is the reference's, g^2"
+        ),
+        "records": _V("pixel", "1", "good records behind the pixel"),
+        "left_out": _V("pixel fault", "1", "records that have the fault and were left out"),
         "scale_std": _V(
             "[frequency]", "1", "standard error of a factor that all pixels of a mode share"
         ),

@@ -368,11 +368,12 @@ def _truth(run: Run) -> None:
     images = [part for part in e.scan.parts(e.scan.view_names()[0]) if part.kind == "image"]
     names = (n for n in run.tree if n == "strain" or n.startswith(COMPARED_STRAIN))
     strain = next((run.tree[name] for name in names), None)
+    hertz = field["frequency"].values
     run.tree["truth"] = virtual_lab.plate.truth_to_dataset(
         e.scene,
         field["position"].values,
-        field["frequency"].values,
-        images[0].sampling.amplitude,
+        hertz,
+        images[0].sampling.amplitude_at(hertz),
         None if strain is None else strain["position"].values,
         None if strain is None else strain["frame"].values,
     )
