@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from sldvexp.dataset import RunData, load
-from sldvexp.report.html import diagnostics, render, results, setup
+from sldvexp.report.html import diagnostics, models, render, results, setup
 from sldvexp.report.html.blocks import Section
 
 #: Each makes a section of what a run has, or none; another part of the page is a line here. What
@@ -20,6 +20,7 @@ SECTIONS: tuple[Callable[[RunData], Section | None], ...] = (
     results.images_section,
     results.velocity_section,
     results.strain_section,
+    models.model_section,
     diagnostics.checks_section,
     setup.setup_section,
     diagnostics.provenance_section,
