@@ -16,9 +16,9 @@ from .point_spectra import point as point
 from .point_spectra import spectrum as spectrum
 from .shape import surface as surface
 from .strain_maps import hot_spots as hot_spots
-from .strain_maps import hottest_places as hottest_places
 from .strain_maps import strain as strain
-from .strain_maps import strains_of as strains_of
+from .strains import hottest_places as hottest_places
+from .strains import strains_of as strains_of
 from .sweep_comparison import sweep as sweep
 from .velocity_images import images as images
 from .velocity_images import phase_correction as phase_correction

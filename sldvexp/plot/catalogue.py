@@ -12,7 +12,6 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import matplotlib
 from matplotlib.figure import Figure
 
 from sldvexp.dataset import RunData, Source, is_void
@@ -32,6 +31,7 @@ from sldvexp.plot import (
     volume_views,
 )
 from sldvexp.plot.layer import field_unavailable_because
+from sldvexp.plot.paper import settings_kept
 from sldvexp.plot.style import settings_of
 from sldvexp.writing import whole_or_nothing
 
@@ -177,7 +177,7 @@ def save(
     look = settings_of(figure)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with matplotlib.rc_context(look), _laid_out(figure):
+        with settings_kept(look), _laid_out(figure):
             for file, suffix in zip(files, formats, strict=True):
                 about = {**FORMATS[suffix], "Title": title or path.name}
                 with whole_or_nothing(file) as beside:

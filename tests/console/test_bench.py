@@ -167,7 +167,7 @@ def test_quick_look_goes_from_coarse_to_fine_and_shows_what_moves(bench, do, see
     assert cells == sorted(cells, reverse=True)
     assert (cells[0], cells[-1]) == (50, 4)
     header, rest = parts[-1]
-    (_, pairs), (_, count), _ = header["arrays"]
+    (_, pairs), (_, count), *_ = header["arrays"]
     dac = np.frombuffer(rest, "<i4", pairs).reshape(-1, 2)
     value = np.frombuffer(rest, "<f4", count, 4 * pairs)
     assert value.max() < 1  # the last part is beside the circle

@@ -58,7 +58,7 @@ def test_file_that_is_there_stays_unless_it_may_be_replaced(folder, marks):
     scan = marks.settings(composed(["experiment=bench"], str(folder)))
     path = write_experiment(folder, "mine", ["experiment=bench"], scan)
     path.write_text("dear to somebody")
-    with pytest.raises(UserError, match="is there already"):
+    with pytest.raises(UserError, match="exists; take another name"):
         write_experiment(folder, "mine", ["experiment=bench"], scan)
     assert path.read_text() == "dear to somebody"
     write_experiment(folder, "mine", ["experiment=bench"], scan, replace=True)
@@ -67,7 +67,7 @@ def test_file_that_is_there_stays_unless_it_may_be_replaced(folder, marks):
 
 @pytest.mark.parametrize("name", ["", "../evil", "a/b", "a b", "x" * 65, ".hidden", "ü", "a\nb"])
 def test_name_that_is_none_is_refused(folder, name):
-    with pytest.raises(UserError, match="cannot be the name"):
+    with pytest.raises(UserError, match="cannot be a name"):
         write_experiment(folder, name, [], {})
     assert [p.name for p in folder.rglob("*.yaml")] == ["bench.yaml"]
 

@@ -8,13 +8,12 @@ import io
 from collections.abc import Callable, Iterator
 from typing import Any
 
-import matplotlib
 from matplotlib.figure import Figure as Drawn
 from matplotlib.ticker import AutoLocator
 
 from sldvexp.dataset import RunData
 from sldvexp.plot import figures_of
-from sldvexp.plot.paper import SETTINGS
+from sldvexp.plot.paper import SETTINGS, settings_kept
 from sldvexp.report.html.blocks import Figure, Text
 from sldvexp.report.html.slim import slim
 
@@ -102,7 +101,7 @@ def _address(drawn: Drawn) -> str:
     """Write a picture as a ``data:`` address, the same from the same data."""
     _with_few_ticks(drawn)
     settings: dict[Any, Any] = {name: SETTINGS[name] for name in OF_FILES}
-    with matplotlib.rc_context(settings):
+    with settings_kept(settings):
         svg = slim(drawn)
         if len(svg) <= MOST_BYTES:
             return f"data:image/svg+xml,{_as_address(svg)}"
