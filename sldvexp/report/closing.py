@@ -19,7 +19,7 @@ from sldvexp.lazy import xarray as xr
 from sldvexp.limits import shown
 from sldvexp.report.base import REPORT_FILE, verdict_text
 from sldvexp.report.key_numbers import key_numbers
-from sldvexp.report.modal_tables import level_of, modes_told, model_told
+from sldvexp.report.modal_tables import level_of, model_told, modes_told
 from sldvexp.report.numbers import number, with_bound
 from sldvexp.report.terminal import COLOURS
 
