@@ -79,11 +79,11 @@ def test_signal_below_what_stands_out_is_found_by_its_energy():
             own = design.T @ (design @ signal + rng.normal(size=(pixels, count)))
             over.append(fit.overlooked(normal, own @ own.T, count))
         found.append(np.mean(over, axis=0))
-    # Standard error of an energy over the energy; the mean of max(x + 1, 0) is 1.083 of it.
+    # Standard error of an energy over the energy; the mean of max(x + 1.645, 0) is 1.666 of it.
     error = np.sqrt(2 / count / half)
     none = np.array([found[0][0], found[0][1], found[1][0]])
-    assert np.all(np.abs(none - 1.083 * error) < 4 * error / np.sqrt(trials))
-    assert abs(found[1][1] - (4 + error)) < 4 * (1 + 4) * error / np.sqrt(trials)
+    assert np.all(np.abs(none - 1.666 * error) < 4 * error / np.sqrt(trials))
+    assert abs(found[1][1] - (4 + 1.645 * error)) < 4 * (1 + 4) * error / np.sqrt(trials)
 
 
 def test_lines_are_left_out_as_far_as_no_column_holds_them():
