@@ -53,8 +53,9 @@ CLEAR = 5.0
 PIXELS = 256
 #: Errors in standard errors: one that intervals miss, and one that they hold all the same.
 HIDDEN, NEGLIGIBLE = 2.0, 0.5
-#: Power at unexcited lines over the noise, from which it is distortion.
-DISTORTED = 1.5
+#: Power at unexcited lines over the noise, from which it is distortion. They lie among the excited
+#: ones, so that noise of any colour is the same at both.
+DISTORTED = 1.1
 #: Power of the reference at a line over the median line's, below which there is none.
 NO_ENERGY = 1e-4
 #: Most lines that a sentence names.
@@ -269,7 +270,10 @@ def _distortion(
     # Hum is at few lines and moves no median; of an exponential distribution it is ln 2 of the
     # mean, of the sum over many pixels the mean itself, and so it is at most too small.
     level = {k: float(np.median(power[at])) for k, at in kinds.items() if len(at)}
-    told = {k: v for k, v in level.items() if v > DISTORTED * noise}
+    least = {
+        k: CLEAR * np.sqrt(np.pi / 2 / max(1, sums.count.sum()) / len(kinds[k])) for k in level
+    }
+    told = {k: v for k, v in level.items() if v > max(DISTORTED, 1 + least[k]) * noise}
     if not told:
         return []
     linear = float(np.mean(power[excited]))
