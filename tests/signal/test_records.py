@@ -246,10 +246,12 @@ def test_a_pixel_without_two_records_is_flagged_for_its_fault(five_modes):
     assert np.isnan(image.std[0]).all()
 
 
-def test_distortion_shows_on_lines_that_are_not_excited(five_modes):
+@pytest.mark.parametrize("noise", [0.05, 0.1])
+def test_distortion_shows_on_lines_that_are_not_excited(five_modes, noise):
     odd = design(ExcitationKind.multisine, lines=LineChoice.sparse)
-    assert find_response_findings_of(five_modes, odd) == []
-    (found,) = find_response_findings_of(replace(five_modes, cubic=0.01), odd)
+    noisy = replace(five_modes, noise=(noise, 0.001))
+    assert find_response_findings_of(noisy, odd) == []
+    (found,) = find_response_findings_of(replace(noisy, cubic=0.01), odd)
     assert found.kind == "distortion"
     assert " at odd ones" in found.text
     assert "even" not in found.text
