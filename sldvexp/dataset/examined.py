@@ -71,6 +71,16 @@ EXAMINED: dict[str, dict[str, Variable]] = {
         "agrees": _V("gage [frequency]", "1", "1 where the difference is no surprise"),
         "true_strain": _V("gage [frequency]", "1", "strain that the virtual lab's plate has there"),
     },
+    "examined/image_truth": {
+        "bias": _V("view frequency", "1", "common factor by which pixels are off", label="bias"),
+        "bias_std": _V("view frequency", "1", "its standard error, of each part"),
+        "covered": _V(
+            "view frequency", "1", "share of the intervals that hold the truth", label="covered"
+        ),
+        "largest_bias": _V("view", "1", "largest bias at a line where more moves than beside it"),
+        "covered_in_all": _V("view", "1", "share covered of all lines"),
+        "flagged": _V("view", "1", "share of the pixels that are flagged"),
+    },
     "examined/kreis": {
         "rcond": _V("method", "1", "reciprocal condition number in the 1-norm"),
         "hadamard": _V("method", "1", "Hadamard condition number"),
@@ -223,6 +233,17 @@ EXAMINED: dict[str, dict[str, Variable]] = {
         "peak_covered": _V("[frequency]", "1", "1 where the interval of the peak holds the truth"),
         "concentration": _V("[frequency]", "1", "peak over the r.m.s. of the principal strain"),
         "true_concentration": _V("[frequency]", "1", "concentration of the truth"),
+    },
+    "examined/modal_truth": {
+        "found": _V("true_mode", "1", "1 where the true mode was found"),
+        "missed_modes": _V("", "1", "true modes within the band that were not found"),
+        "false_modes": _V("", "1", "modes that are none"),
+        "natural_frequency_error": _V("true_mode", "1", "error of the frequency over the truth"),
+        "damping_ratio_error": _V("true_mode", "1", "error of the damping ratio over the truth"),
+        "covered": _V("", "1", "share of the poles' intervals of 95 % that hold the truth"),
+        "mac": _V("true_mode component", "1", "modal assurance criterion with the true shape"),
+        "shape_error": _V("true_mode component", "1", "r.m.s. error over the true r.m.s."),
+        "shape_covered": _V("true_mode component", "1", "share of intervals that hold the truth"),
     },
     "examined/truth": {
         "relative_error": _V(

@@ -119,7 +119,8 @@ def _messages(parts: RegionIterator, equations: Equations, found: Observability)
     axes = LOCAL if parts.model.local else WORLD
     told = describe_undetermined(found, parts.visibility.prisms.position, axes)
     lost = flagged(equations.coverage)
-    return [*told, lost] if told and lost else told
+    told = [*told, lost] if told and lost else told
+    return [*told, note] if (note := parts.model.rows.note) else told
 
 
 #: Error of bounds above which the user is told.

@@ -23,7 +23,8 @@ from sldvexp.errors import UserError
 from sldvexp.export import export_all
 from sldvexp.pipeline import provenance
 from sldvexp.pipeline.run_progress import RunProgress
-from sldvexp.pipeline.steps import SCAN, STEPS, Run, Step
+from sldvexp.pipeline.step import Run, Step
+from sldvexp.pipeline.steps import SCAN, STEPS
 from sldvexp.report import REPORT_FILE, NoReport, Report, attempt, pose_text, print_closing
 from sldvexp.session import Operator, Watcher
 from sldvexp.session.interruption import how_to_go_on, telling_of_the_scan

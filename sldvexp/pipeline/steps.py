@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-import shutil
-import weakref
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field, fields, replace
-from functools import cached_property, partial
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
 from itertools import chain, count
-from pathlib import Path
-
-import numpy as np
 
 from sldvexp import field as velocity_field
-from sldvexp import importers, session, shell, verdict, virtual_lab
+from sldvexp import importers, models, modes, session, shell, verdict, virtual_lab
 from sldvexp.check import Examination, evaluate
 from sldvexp.config.experiment import Experiment
 from sldvexp.config.paths import JOURNAL
@@ -21,23 +16,20 @@ from sldvexp.dataset import (
     VERDICT,
     Finding,
     Severity,
-    findings_of,
     findings_to_dataset,
     take_findings,
-    verdict_of,
 )
 from sldvexp.errors import UserError
 from sldvexp.instrument import InstrumentError, ScanningPlugin
 from sldvexp.lazy import xarray as xr
+from sldvexp.pipeline.step import Run, Step, check_contracts
 from sldvexp.pose.aiming import aiming_at_marks
 from sldvexp.pose.base import Refine
 from sldvexp.reconstruction import Reconstruction
 from sldvexp.reconstruction.system import Robust
-from sldvexp.session import Operator, Watcher
 from sldvexp.session.camera import NobodyThereError
 from sldvexp.session.interruption import has_lines, how_to_go_on
 from sldvexp.stopping import stopping_once
-from sldvexp.writing import own_folder
 
 #: Where the scans lie, in the dataset and in the journal, that pose methods are compared on.
 COMPARED_SCANS = "compare_scan"
@@ -45,72 +37,6 @@ COMPARED_SCANS = "compare_scan"
 FLAGGED = "flagged/"
 #: Where the strains of compared methods lie.
 COMPARED_STRAIN = "compare_strain/"
-
-
-@dataclass
-class Run:
-    """Common ground of the steps of one run: plugins, generator, and the groups made so far.
-
-    Parameters
-    ----------
-    experiment : Experiment
-    rng : Generator
-    folder : Path
-    operator : Operator
-    watcher : Watcher
-    tree : dict of str to Dataset
-        Groups by their path.
-    inputs : list of str
-        Files read so far, as the configuration names them.
-    reused : list of str
-        Steps that were done by another run of the same sweep.
-    elsewhere : set of str
-        Groups that stay in the file they are streamed from, one of `inputs`.
-    """
-
-    experiment: Experiment
-    rng: np.random.Generator
-    folder: Path
-    operator: Operator = field(default_factory=Operator)
-    watcher: Watcher = field(default_factory=Watcher)
-    tree: dict[str, xr.Dataset] = field(default_factory=dict)
-    inputs: list[str] = field(default_factory=list)
-    reused: list[str] = field(default_factory=list)
-    elsewhere: set[str] = field(default_factory=set)
-
-    @property
-    def kept(self) -> dict[str, xr.Dataset]:
-        """Groups that the run's file gets."""
-        return {name: group for name, group in self.tree.items() if name not in self.elsewhere}
-
-    @property
-    def verdict(self) -> str:
-        """Trusted, doubtful or void, by what has been found so far."""
-        return verdict_of(findings_of(self.tree))
-
-    def conclude(self) -> None:
-        """Make one group of what all stages found."""
-        whole = findings_to_dataset(findings_of(self.tree))
-        for name in [n for n in self.tree if n.startswith(f"{VERDICT}/")]:
-            del self.tree[name]
-        self.tree[VERDICT] = whole
-
-    def keep(self, name: str, group: xr.Dataset) -> xr.Dataset:
-        """Keep a scanned group.
-
-        With a stream an image goes to a file, before the next view comes.
-        """
-        if self.experiment.stream is None or not name.startswith("image/"):
-            return group
-        path = self.blocks / f"{name.replace('/', '_')}.nc"
-        return importers.image_file.spilled(group, path, self.experiment.stream.chunks)
-
-    @cached_property
-    def blocks(self) -> Path:
-        """Folder of what is streamed, as long as the run is used."""
-        folder = own_folder(self.folder, "blocks")
-        weakref.finalize(self, shutil.rmtree, folder, ignore_errors=True)
-        return folder
 
 
 def _target(run: Run) -> None:
@@ -268,6 +194,48 @@ def _take_in(run: Run, groups: dict[str, xr.Dataset]) -> None:
         run.tree[f"{VERDICT}/import"] = findings_to_dataset(findings)
 
 
+def _modes(run: Run) -> None:
+    """Find modes in the lines of all images, and how every view sees them."""
+    e = run.experiment
+    images = {
+        k.removeprefix("image/"): group
+        for k, group in run.tree.items()
+        if k.startswith("image/") and not group.attrs.get("left_out")
+    }
+    try:
+        found = modes.estimate_modes(images, e.modal)
+    except UserError as error:
+        raise UserError(f"modal: {error}") from None
+    run.tree |= found.groups()
+    run.tree[f"{VERDICT}/modes"] = findings_to_dataset(found.findings)
+
+
+def _model_in_place(run: Run) -> None:
+    """Read a finite element model, and see whether it is where the structure is."""
+    e = run.experiment
+    run.inputs += e.model.inputs()
+    if e.modal is None:
+        raise UserError("model: needs the modes of the structure to be tested; choose modal=own")
+    if e.laser is None:
+        raise UserError("model: needs a laser, whose beams tell where pixels meet it")
+    try:
+        models.placing.check_place(e.model.model(), run.tree)
+    except UserError as error:
+        raise UserError(f"model: {error}") from None
+
+
+def _model(run: Run) -> None:
+    """Put a finite element model to the test by the measured modes."""
+    e = run.experiment
+    images = {k.removeprefix("image/"): v for k, v in run.tree.items() if k.startswith("image/")}
+    try:
+        found = models.estimate.examine_model(run.tree, e.laser, e.model)
+    except UserError as error:
+        raise UserError(f"model: {error}") from None
+    run.tree |= models.result.model_to_datasets(found, images)
+    run.tree[f"{VERDICT}/model"] = findings_to_dataset(models.wording.findings_about(found))
+
+
 def _point(run: Run) -> None:
     """Reconstruct velocity vectors at points, by the chosen method and the others."""
     if "line_of_sight" not in run.tree:
@@ -288,16 +256,40 @@ def _field(run: Run) -> None:
     if e.stream is not None:
         _streamed_field(run)
         return
+    _reconstruct(run, "field", partial(_in_volume, e, run.tree), partial(_on_surface, e, run.tree))
 
-    def in_volume(method: Reconstruction) -> xr.Dataset:
-        visibility = velocity_field.estimate.volume_visibility(run.tree, e.laser, e.volume)
-        return velocity_field.estimate.reconstruct(run.tree, visibility, e.volume, method, e.solver)
 
-    def on_surface(method: shell.SurfaceReconstruction) -> list[xr.Dataset]:
-        found = shell.estimate.reconstruct_surface(run.tree, e.laser, e.volume, method, e.material)
-        return [found.field()] if found.frequency is None else [found.field(), found.strain()]
+def _in_volume(e: Experiment, tree: Mapping[str, xr.Dataset], method: Reconstruction) -> xr.Dataset:
+    """Make the field of the images of a tree."""
+    visibility = velocity_field.estimate.volume_visibility(tree, e.laser, e.volume)
+    return velocity_field.estimate.reconstruct(tree, visibility, e.volume, method, e.solver)
 
-    _reconstruct(run, "field", in_volume, on_surface)
+
+def _on_surface(
+    e: Experiment, tree: Mapping[str, xr.Dataset], method: shell.SurfaceReconstruction
+) -> list[xr.Dataset]:
+    """Make the splines' field of the images of a tree and, if lines are known, its strain."""
+    found = shell.estimate.reconstruct_surface(tree, e.laser, e.volume, method, e.material)
+    return [found.field()] if found.frequency is None else [found.field(), found.strain()]
+
+
+def _fields_of_modes(run: Run) -> None:
+    """Make fields of the modal images as of any others, and with splines their strains."""
+    e = run.experiment
+    own = {k: v for k, v in run.tree.items() if not k.startswith("image/")}
+    tree = own | {
+        k.removeprefix("modes/"): image
+        for k, image in run.tree.items()
+        if k.startswith(modes.estimate.MODAL_IMAGES)
+    }
+    try:
+        if isinstance(e.reconstruction, shell.SurfaceReconstruction):
+            found = _on_surface(e, tree, e.reconstruction)
+        else:
+            found = [_in_volume(e, tree, e.reconstruction)]
+    except UserError as error:
+        raise UserError(f"modal: {error}") from None
+    run.tree |= dict(zip(("modes/field", "modes/strain"), found, strict=False))
 
 
 def _streamed_field(run: Run) -> None:
@@ -378,11 +370,12 @@ def _truth(run: Run) -> None:
     images = [part for part in e.scan.parts(e.scan.view_names()[0]) if part.kind == "image"]
     names = (n for n in run.tree if n == "strain" or n.startswith(COMPARED_STRAIN))
     strain = next((run.tree[name] for name in names), None)
+    hertz = field["frequency"].values
     run.tree["truth"] = virtual_lab.plate.truth_to_dataset(
         e.scene,
         field["position"].values,
-        field["frequency"].values,
-        images[0].sampling.amplitude,
+        hertz,
+        images[0].sampling.amplitude_at(hertz),
         None if strain is None else strain["position"].values,
         None if strain is None else strain["frame"].values,
     )
@@ -420,70 +413,6 @@ def _has_truth(e: Experiment) -> bool:
     return bool(e.volume and e.reconstruction and e.scan and hasattr(e.scene, "plate"))
 
 
-@dataclass(frozen=True)
-class Step:
-    """One stage of a run, and its contract.
-
-    A name of groups that ends with a slash means all below it. Runs of a sweep share the result of
-    a step that `reads` keys: it must be decided by them and by the groups that it needs alone, and
-    draw no random numbers. The contracts are checked when this module is imported
-    (`check_contracts`) and what a step adds in every run (`Step.perform`).
-
-    Parameters
-    ----------
-    name : str
-    needed : callable
-        Whether an experiment has it.
-    work : callable
-        Adds groups to the run's tree; it changes none that are there.
-    makes : tuple of str
-        Groups that it may add.
-    needs : tuple of str
-        Groups that it looks at, as far as they are there; ``/`` for all.
-    reads : tuple of str
-        Keys of the configuration that decide what it adds, if it is shared.
-    """
-
-    name: str
-    needed: Callable[[Experiment], bool]
-    work: Callable[[Run], None]
-    makes: tuple[str, ...]
-    needs: tuple[str, ...] = ()
-    reads: tuple[str, ...] = ()
-
-    @property
-    def shared(self) -> bool:
-        """True if runs of a sweep share its result."""
-        return bool(self.reads)
-
-    def after(self, earlier: Iterable[Step]) -> tuple[str, ...]:
-        """Name those of the steps before this one that make what it needs."""
-        return tuple(step.name for step in earlier if _overlap(step.makes, self.needs))
-
-    def perform(self, run: Run) -> None:
-        """Do the work.
-
-        Raises
-        ------
-        RuntimeError
-            If it adds a group that it does not declare.
-        """
-        before = set(run.tree)
-        self.work(run)
-        for group in run.tree.keys() - before:
-            if not _overlap([group], self.makes):
-                raise RuntimeError(f"the step {self.name} adds {group}, which it does not declare")
-
-
-def _overlap(some: Iterable[str], others: Iterable[str]) -> bool:
-    """Say whether two declarations of groups have one in common."""
-
-    def covers(a: str, b: str) -> bool:
-        return a in ("/", b) or (a.endswith("/") and b.startswith(a))
-
-    return any(covers(a, b) or covers(b, a) for a in some for b in others)
-
-
 EVERYTHING = ("/",)
 TARGET, SCAN, POSE, VOLUME = "calibration object", "scan", "pose", "volume"
 IMAGES, PIXELS = "velocity images", "images of points"
@@ -500,6 +429,13 @@ STEPS: tuple[Step, ...] = (
     Step(TARGET, lambda e: e.target is not None, _target, makes=("target",)),
     # Before anything is measured: an unsound volume should not cost a morning's scan.
     Step(VOLUME, lambda e: e.volume is not None, _volume, makes=("volume",), reads=("volume",)),
+    Step(
+        "place of the model",
+        lambda e: e.model is not None,
+        _model_in_place,
+        makes=(),
+        needs=("volume",),
+    ),
     Step(
         SCAN,
         lambda e: bool(e.scan or e.compare_scan),
@@ -548,6 +484,29 @@ STEPS: tuple[Step, ...] = (
         needs=("line_of_sight",),
     ),
     Step(
+        "modes",
+        lambda e: e.modal is not None,
+        _modes,
+        makes=("modes", modes.estimate.MODAL_IMAGES, f"{VERDICT}/modes"),
+        needs=("image/",),
+        reads=("modal",),
+    ),
+    Step(
+        "finite element model",
+        lambda e: e.model is not None,
+        _model,
+        makes=("model", "model/", f"{VERDICT}/model"),
+        needs=("modes", modes.estimate.MODAL_IMAGES, "pose", "volume", "image/"),
+    ),
+    Step(
+        "shapes of the modes",
+        lambda e: bool(e.modal and e.reconstruction and e.volume and e.laser and e.solver),
+        _fields_of_modes,
+        makes=("modes/field", "modes/strain"),
+        needs=("pose", "volume", modes.estimate.MODAL_IMAGES),
+        reads=SOLVING,
+    ),
+    Step(
         "velocity at points",
         lambda e: _reconstructs(e) and e.volume is None,
         _point,
@@ -578,24 +537,6 @@ STEPS: tuple[Step, ...] = (
     ),
     Step("expectations", lambda e: bool(e.expect), _expectations, ("check",), needs=EVERYTHING),
 )
-
-
-def check_contracts(steps: Sequence[Step]) -> None:
-    """Check that what steps declare can be true.
-
-    Raises
-    ------
-    ValueError
-        If a step reads a key that the configuration does not have, or needs groups that no step
-        before it makes.
-    """
-    keys = {f.name for f in fields(Experiment)}
-    for place, step in enumerate(steps):
-        if unknown := set(step.reads) - keys:
-            raise ValueError(f"the step {step.name} reads {sorted(unknown)}, which no key is")
-        made = [group for earlier in steps[:place] for group in earlier.makes]
-        if lost := [group for group in step.needs if not _overlap([group], made)]:
-            raise ValueError(f"the step {step.name} needs {lost}, which no step before it makes")
 
 
 check_contracts(STEPS)

@@ -386,7 +386,7 @@ def _pixel_noise(experiment: Experiment) -> float:
         vibrometer = experiment.scene.noisy_vibrometer
         rms = vibrometer.noise * vibrometer.full_scale
     rms = USUAL_NOISE if rms is None else rms
-    return float(rms * np.sqrt(2 / sampling_of(experiment.scan).samples))
+    return float(rms * np.sqrt(2 / sampling_of(experiment.scan).samples_in_all))
 
 
 def sampling_of(scan: Any) -> Sampling:

@@ -3,14 +3,19 @@
 A method's `rows` becomes the row matrix A of a data set's views. ``best`` searches all sets of as
 many candidates as there are unknowns for the largest reciprocal condition number in the 1-norm,
 which bounds how much relative errors of velocities and cosines can grow. The search is exact: every
-set is looked at, and only the points at which it is judged are thinned out if there are many.
+set is looked at, and only the points at which it is judged are thinned out if there are many. Where
+there are too many sets (Fedorov's exchange, V. V. Fedorov 1972): the best set of some evenly spread
+candidates comes first, and one row of it after the other gives way to the best of all candidates
+until none is better.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
 from itertools import combinations, islice
+from itertools import count as count_from
 from math import comb
 from typing import ClassVar
 
@@ -192,7 +197,7 @@ def _needed(method: Reconstruction) -> int:
     return 4 if method.model is Model.full else 1
 
 
-#: Sets beyond this number are not searched: it would take longer than reading the data.
+#: Sets beyond this number are not all searched: it would take longer than reading the data.
 LARGEST_SEARCH = 3_000_000
 #: Condition numbers that a search computes, sets times points, before it looks at fewer points.
 EFFORT = 50_000
@@ -222,10 +227,15 @@ def best_rows(
     tolerance : float
         Relative singular value below which a direction counts as not determined.
 
+    Returns
+    -------
+    RowSet
+        Its `note` says so if there were too many sets to look at each.
+
     Raises
     ------
     UserError
-        If there are not enough independent rows, or too many sets to search.
+        If there are not enough independent rows.
 
     Examples
     --------
@@ -242,23 +252,65 @@ def best_rows(
             f"the best {size} rows are asked for, but {directions.shape[0]} views do not have "
             f"{size} independent rows of this method; more views are needed"
         )
-    sets = comb(len(candidates), size)
-    if sets > LARGEST_SEARCH:
-        raise UserError(
-            f"{len(candidates)} candidate rows have {sets} sets of {size}, too many to search for "
-            "the best; write the rows, as in 1-5,2,4"
-        )
-    points = _spread(directions.shape[1], max(1, EFFORT // sets))
+    count = len(candidates)
+    sets = comb(count, size)
+    whole = sets <= LARGEST_SEARCH
+    step = 1 if whole else -(-count // _searchable(size))
+    points = _spread(directions.shape[1], max(1, EFFORT // comb(-(-count // step), size)))
     matrices = candidates.matrix @ design(directions[:, points], intercept)
     rank = int(rank_of(matrices, tolerance).max())
-    best, best_score = np.arange(size), -1.0
-    every_set = combinations(range(len(candidates)), size)
-    while chunk := list(islice(every_set, SETS_AT_ONCE)):
+    score = partial(_score, matrices, rank)
+    if whole:
+        return candidates.take(_best_of(combinations(range(count), size), score))
+    starts = range(min(step, STARTS))
+    of_some = (_best_of(combinations(range(k, count, step), size), score) for k in starts)
+    best = _best_of([_exchanged(each, count, score) for each in of_some], score)
+    return replace(candidates.take(best), note=GREEDY.format(rows=count, sets=sets, size=size))
+
+
+#: From how many best sets of some candidates rows are exchanged.
+STARTS = 8
+#: How the best rows were found where there are too many sets of them.
+GREEDY = (
+    "{rows} candidate rows have {sets} sets of {size}: the best of some were improved row by row, "
+    "and no exchange of one row is better"
+)
+
+
+def _searchable(size: int) -> int:
+    """Count how many candidates have few enough sets for each to be looked at in a second."""
+    return next(n for n in count_from(size) if comb(n + 1, size) > EFFORT)
+
+
+def _score(matrices: Array, rank: int, sets: IndexArray) -> Array:
+    """Compute the median over the points of what sets, shape (set, size), are ranked by."""
+    return np.round(np.median(_scores(matrices[:, sets], rank), axis=0), DIGITS)
+
+
+def _best_of(
+    sets: Iterable[Sequence[int] | IndexArray], score: Callable[[IndexArray], Array]
+) -> IndexArray:
+    """Return the first of those sets whose score is largest."""
+    best, best_score, left = np.array([], int), -1.0, iter(sets)
+    while chunk := list(islice(left, SETS_AT_ONCE)):
         indices = np.array(chunk)
-        score = np.round(np.median(_scores(matrices[:, indices], rank), axis=0), DIGITS)
-        if score.max() > best_score:
-            best, best_score = indices[np.argmax(score)], score.max()
-    return candidates.take(best)
+        scores = score(indices)
+        if scores.max() > best_score:
+            best, best_score = indices[np.argmax(scores)], scores.max()
+    return best
+
+
+def _exchanged(best: IndexArray, count: int, score: Callable[[IndexArray], Array]) -> IndexArray:
+    """Exchange one row of a set after the other until no exchange makes it better."""
+    while True:
+        before = best
+        for place in range(len(best)):
+            left = np.setdiff1d(np.arange(count), np.delete(best, place))
+            tried = np.repeat(best[None], len(left) + 1, axis=0)
+            tried[1:, place] = left  # its own row first: only a better one takes its place
+            best = _best_of(tried, score)
+        if np.array_equal(before, best):
+            return np.sort(best)
 
 
 def _scores(matrices: Array, rank: int) -> Array:

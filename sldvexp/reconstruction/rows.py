@@ -26,10 +26,13 @@ class RowSet:
         The matrix A.
     labels : tuple of str
         Each row as it is written: ``2`` or ``2-1``, with the views' names.
+    note : str
+        What their choice leaves open, in a sentence; empty if nothing.
     """
 
     matrix: Array
     labels: tuple[str, ...]
+    note: str = ""
 
     def __str__(self) -> str:
         return ",".join(self.labels)

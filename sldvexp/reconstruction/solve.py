@@ -211,7 +211,8 @@ def _noise_from(system: PointSystem, dof: Array) -> str:
 
 def _with_flags(result: PointVelocity, deficient: NDArray[np.int_]) -> PointVelocity:
     """Add what is determined at deficient points, and the sentences about all flags."""
-    system, along, messages = result.system, None, []
+    system, along = result.system, None
+    messages = [result.rows.note] if result.rows.note else []
     if len(deficient):
         noise = result.noise(deficient)
         along = observed_subspace(system, deficient, noise, result.factor[deficient])

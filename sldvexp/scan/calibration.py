@@ -145,6 +145,8 @@ class CalibrationScan(ScanPart):
         self.coarse.check(checks, "coarse")
         self.fine.check(checks, "fine")
         self.sampling.check(checks, "sampling")
+        told = "must be sine: the edges of circles are found by the phase of one frequency"
+        checks.require(not self.sampling.broadband, "sampling.excitation", told)
         checks.done()
 
     def aimed(

@@ -98,9 +98,26 @@ def along_ellipse(
     tangent = -np.sin(t)[:, None] * a + np.cos(t)[:, None] * b
     normal = np.stack([tangent[:, 1], -tangent[:, 0]], axis=-1)
     normal *= np.sign(np.sum(normal * (point - centre), axis=-1, keepdims=True))
-    normal /= np.abs(normal).max(axis=-1, keepdims=True)
+    return laid(point, normal, pixels, stride)
+
+
+def laid(point: ArrayLike, direction: ArrayLike, pixels: int, stride: int = 1) -> IntArray:
+    """Lay lines through places along directions, the places in their middles.
+
+    Parameters
+    ----------
+    point, direction : array_like, shape (line, 2), steps and unit vectors
+    stride : int, steps
+        As in `across`.
+
+    Returns
+    -------
+    ndarray of int, shape (line, pixel, 2)
+    """
+    ahead = np.asarray(direction, float)
+    ahead = ahead / np.abs(ahead).max(axis=-1, keepdims=True)
     offset = stride * (np.arange(pixels) - pixels // 2)
-    return _whole(point[:, None, :] + offset[:, None] * normal[:, None, :])
+    return _whole(np.asarray(point, float)[:, None, :] + offset[:, None] * ahead[:, None, :])
 
 
 def rectangle(corners: ArrayLike, rows: int, columns: int) -> IntArray:

@@ -22,13 +22,12 @@ from sldvexp.lazy import scipy
 from sldvexp.scan.calibration import CalibrationScan
 from sldvexp.scan.lines import half_chords
 from sldvexp.session.camera import ViewContext
+from sldvexp.session.watching import SEARCH
 from sldvexp.signal import ComplexImage, instrument_fault
 from sldvexp.signal.instrument_faults import moving
 from sldvexp.targets import Circles, shade_told, shaded_circles
 from sldvexp.typing import Array, BoolArray, IntArray
 
-#: Of the rings of pixels in the journal.
-NAME = "search"
 #: Distance of pixels over the half width of the circle as seen.
 PITCH = 0.5
 #: Pixels that a moving spot has, over those of the circle as seen.
@@ -199,8 +198,8 @@ class CircleSearch:
         return (
             f"{nowhere}"
             f"{fault and '; around it, '}{fault}; if its speaker was dead or hidden, delete "
-            f"{self.at.camera.journal.folder}/{NAME}_* and resume the run, else start anew with a "
-            "better rough pose of the view, or a larger margin of the scan of circles"
+            f"{self.at.camera.journal.folder}/{SEARCH}_* and resume the run, else start anew with "
+            "a better rough pose of the view, or a larger margin of the scan of circles"
         )
 
     def _pose(self, found: Array) -> tuple[Array, Array]:
@@ -253,7 +252,7 @@ class CircleSearch:
             if not inside.any():
                 return
             self._lines += 1
-            image = self.at.camera.image(f"{NAME}_{self._lines:03d}", [steps[inside]])
+            image = self.at.camera.image(f"{SEARCH}_{self._lines:03d}", [steps[inside]])
             self._seen = image
             where = cells[inside] + circle.rings
             moves[where[:, 0], where[:, 1]] = moving(image) & (image.flags == 0)

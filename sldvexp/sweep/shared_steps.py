@@ -25,7 +25,7 @@ from sldvexp.errors import UserError
 from sldvexp.files import read_json
 from sldvexp.lazy import xarray as xr
 from sldvexp.pipeline import provenance
-from sldvexp.pipeline.steps import Run, Step
+from sldvexp.pipeline.step import Run, Step
 from sldvexp.sweep.lock import locked
 from sldvexp.sweep.record import Stopwatch
 from sldvexp.writing import whole_or_nothing

@@ -15,7 +15,8 @@ from collections import defaultdict
 from collections.abc import Sequence
 
 from sldvexp.config.experiment import Experiment
-from sldvexp.pipeline.steps import STEPS, Step
+from sldvexp.pipeline.step import Step
+from sldvexp.pipeline.steps import STEPS
 from sldvexp.sweep.record import Record
 
 #: Runs of so many seconds take long beside loading the program, s.

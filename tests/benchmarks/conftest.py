@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import pytest
@@ -45,11 +45,16 @@ def view(name: str, origin: np.ndarray, rng: np.random.Generator, size: tuple[in
     return View(name, rotation, origin, covariance, lattice, velocity, std, flags, (pixels, pixels))
 
 
-def looks_at(shape: tuple[int, int], pixels: int, frequencies: int = 1) -> VolumeVisibility:
+def looks_at(
+    shape: tuple[int, int],
+    pixels: int,
+    frequencies: int = 1,
+    stands: Sequence[Sequence[float]] = STANDS,
+) -> VolumeVisibility:
     """The views of a volume of seven layers with so many nodes, six samples in each prism."""
     rng = np.random.default_rng(29)
     size = (pixels, frequencies)
-    views = [view(str(k + 1), np.array(stand), rng, size) for k, stand in enumerate(STANDS)]
+    views = [view(str(k + 1), np.array(stand), rng, size) for k, stand in enumerate(stands)]
     volume = Grid(size=[SIDE, SIDE], shape=list(shape), layers=7, thickness=0.024)
     return VolumeVisibility(views, LASER, volume.prisms(), volume.rule())
 

@@ -26,7 +26,7 @@ FULL_SIZE = os.environ.get("SLDVEXP_BENCHMARK") == "1"
 SHAPE = (48, 48) if FULL_SIZE else (9, 8)
 PIXELS = 60
 #: How many times faster than the twenty lines, which give no bounds; measured 7.7, 3.8 and 31.
-#: The first falls short of the 40 wished for: less time than finding samples in images takes.
+#: The first falls short of the 16 wished for; finding samples in images alone takes a tenth of it.
 CONTRAVARIANT_WITH_BOUNDS, ABSOLUTE_WITH_BOUNDS, ABSOLUTE = 6.0, 2.0, 10.0
 #: Of four times the nodes.
 GROWTH = 5.0

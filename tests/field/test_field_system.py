@@ -171,7 +171,7 @@ def test_rows_at_samples(rows: str, generalised: bool, intercept: bool, seed: in
             left = a[~np.any(missing != 0, axis=1)]
         if len(left) < 2:
             assert at.rows[s] == 0
-            assert not at.weight[s].any()
+            assert not at.estimator[s].any()
             continue
         n, t = dense_rows(left, x, std[s] if generalised else None)
         np.testing.assert_allclose(at.information[s], n, atol=1e-8 * np.abs(n).max())

@@ -116,8 +116,35 @@ def test_best_follows_the_views_when_their_order_changes() -> None:
     assert set(one.labels) == set(other.labels)
 
 
-def test_twelve_views_are_searched_and_sixty_refused() -> None:
+def test_twelve_views_are_searched_whole() -> None:
     rows = Combined().row_set(some_directions(points=50, count=12), [f"v{k}" for k in range(12)])
     assert len(rows) == 3
-    with pytest.raises(UserError, match="too many to search for the best; write the rows"):
-        Combined().row_set(some_directions(count=60), [f"v{k}" for k in range(60)])
+    assert not rows.note
+
+
+def test_sixty_views_are_searched_in_part_and_it_is_said() -> None:
+    directions = some_directions(count=60)
+    names = [f"v{k}" for k in range(60)]
+    found = Combined().reconstruct(directions, np.ones((60, 1)), np.full(60, 0.1), names)
+    note = "1830 candidate rows have 1019740660 sets of 3: the best of some were improved"
+    assert note in found.to_dataset().attrs["notes"]
+
+
+@pytest.mark.parametrize("block", range(4))
+def test_a_search_in_part_finds_the_best_or_nearly(
+    monkeypatch: pytest.MonkeyPatch, block: int
+) -> None:
+    """Of 60 times it found the best 59 times, and 0.9997 of it once."""
+    names = [str(k) for k in range(14)]
+    candidates = views(names) + differences(names)
+    for seed in range(15 * block, 15 * block + 15):
+        d = np.random.default_rng(seed).normal(size=(14, 3)) * 0.5 + [0, 0, 2]
+        d /= np.linalg.norm(d, axis=-1, keepdims=True)
+        whole = best_rows(candidates, d[:, None], 3, False, 1e-4)
+        with monkeypatch.context() as few:
+            few.setattr(base, "LARGEST_SEARCH", 100)
+            few.setattr(base, "EFFORT", 3000)
+            part = best_rows(candidates, d[:, None], 3, False, 1e-4)
+        assert part.note
+        cond = [np.linalg.cond(rows.matrix @ d, 1) for rows in (whole, part)]
+        assert cond[1] <= cond[0] / 0.999

@@ -19,7 +19,8 @@ from sldvexp.config import hydra_plugin, schema
 from sldvexp.config.experiment import Experiment
 from sldvexp.config.paths import conf_dir
 from sldvexp.pipeline import provenance
-from sldvexp.pipeline.steps import STEPS, Run, Step, check_contracts
+from sldvexp.pipeline.step import Run, Step, check_contracts
+from sldvexp.pipeline.steps import STEPS
 from sldvexp.sweep import Store, shared_steps
 from sldvexp.sweep.plan import folder_name
 

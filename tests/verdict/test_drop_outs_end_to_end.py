@@ -20,7 +20,8 @@ from sldvexp.config import hydra_plugin, schema
 from sldvexp.config.paths import conf_dir
 from sldvexp.dataset import findings_of
 from sldvexp.field.estimate import volume_visibility
-from sldvexp.pipeline.steps import SCAN, STEPS, VOLUME, Run
+from sldvexp.pipeline.step import Run
+from sldvexp.pipeline.steps import SCAN, STEPS, VOLUME
 from sldvexp.signal import Flag
 from sldvexp.virtual_lab.plate import Hole, VibratingPlate
 

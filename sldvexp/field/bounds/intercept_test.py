@@ -267,8 +267,8 @@ class SampleColumns:
                 sums = patch.to_nodes(side.reshape(len(e), -1))
                 added[..., places] += sums.reshape(*added.shape[:3], -1)
                 for j, (others, other) in enumerate(each):
-                    if q[:, j, k].any():
-                        squares[np.ix_(others, places)] += other.T @ (q[:, j, k, None] * e)
+                    if (both := q.of_views(j, k)).any():
+                        squares[np.ix_(others, places)] += other.T @ (both[:, None] * e)
             right[:, patch.nodes] += added
         return right, squares
 
@@ -287,8 +287,8 @@ class SampleColumns:
                 seen[k] += r.T @ of_x
                 left[k] -= r.T @ of_theta
                 for j, (places, e) in enumerate(each):
-                    if q[:, k, j].any():
-                        left[k][:, places] += of_view.weights.T @ (q[:, k, j, None] * e)
+                    if (both := q.of_views(k, j)).any():
+                        left[k][:, places] += of_view.weights.T @ (both[:, None] * e)
         return seen, left
 
 

@@ -87,7 +87,7 @@ class PoseEffect:
         world = np.swapaxes(samples.frame, 1, 2) @ u[:, :3] if part.model.local else u[:, :3]
         views = zip(part.visibility.views, samples.by_view, self.data, strict=True)
         for k, (view, of_view, data) in enumerate(views):
-            if part.at.pointwise.weight[:, k].any():
+            if part.at.pointwise.weight.have(k):
                 slope = np.stack([g @ data for g in of_view.gradient])
                 yield k, pose_change(view, laser, samples.position, of_view.dac, slope, world)
 
@@ -110,7 +110,8 @@ class PoseEffect:
         u = part.field(self.theta) if at.inverse is None else at.solution @ v
         found = np.zeros((*shape, views, POSE * data[0].shape[1]))
         nothing_left = at.inverse is not None and len(part.model.rows) == parameters
-        balance = at.pointwise.weight @ (v - at.pointwise.design @ u)
+        if not nothing_left:
+            balance = at.pointwise.weight.times(v - at.pointwise.design @ u)
         for k, change in self.changes(part, u):
             side = at.estimator[:, :, k, None, None] * change[:, None]
             if not nothing_left:

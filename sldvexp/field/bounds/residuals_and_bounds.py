@@ -109,7 +109,7 @@ class Residuals:
             off = part.at.solution[here] @ v - u
             self.squares[:, some] += np.einsum("spc,spc->pc", own * off, off)
         else:
-            weighted = part.at.pointwise.weight[here] @ left
+            weighted = part.at.pointwise.weight[here].times(left)
             self.squares[0, some] += np.einsum("skc,skc->c", left, weighted)
 
 
@@ -315,7 +315,7 @@ def _of_samples(part: RegionSamples, k: int, variance: Array) -> Array:
     if part.model.contravariant:
         found: Array = of_samples @ (part.at.estimator * part.at.solution)[:, :, k]
         return found
-    return np.array([of_samples @ part.at.pointwise.weight[:, k, k]])
+    return np.array([of_samples @ part.at.pointwise.weight.of_views(k, k)])
 
 
 #: Surface nodes of a part that are verified, each in one layer.

@@ -28,6 +28,42 @@ FEWEST_ROWS = 2
 
 
 @dataclass(frozen=True, eq=False)
+class RowWeights:
+    """Weights of the views at samples, ``Q = diag(d) + s F^T F`` with few rows F.
+
+    Attributes
+    ----------
+    diagonal : ndarray, shape (sample, view)
+        Of d.
+    factor : ndarray, shape (sample, factor_row, view)
+        The matrix F.
+    sign : ndarray, shape (sample,)
+        Of s, 1 or -1.
+    """
+
+    diagonal: Array
+    factor: Array
+    sign: Array
+
+    def __getitem__(self, here: slice | IndexArray | BoolArray) -> RowWeights:
+        return RowWeights(self.diagonal[here], self.factor[here], self.sign[here])
+
+    def times(self, x: Array) -> Array:
+        """Multiply Q by vectors, shape (sample, view, column)."""
+        of_factor = np.swapaxes(self.factor * self.sign[:, None, None], 1, 2) @ (self.factor @ x)
+        return self.diagonal[..., None] * x + of_factor
+
+    def of_views(self, j: int, k: int) -> Array:
+        """Take an entry of Q, shape (sample,)."""
+        product = np.einsum("sr,sr->s", self.factor[:, :, j], self.factor[:, :, k])
+        return self.sign * product + (self.diagonal[:, j] if j == k else 0.0)
+
+    def have(self, k: int) -> bool:
+        """Tell whether any of the rows has the view."""
+        return bool(self.diagonal[:, k].any() or self.factor[:, :, k].any())
+
+
+@dataclass(frozen=True, eq=False)
 class SampleLeastSquares:
     """Least squares of the rows at samples.
 
@@ -35,7 +71,7 @@ class SampleLeastSquares:
     ----------
     design : ndarray, shape (sample, view, parameter)
         The matrix X; rows of views that do not see the sample are zero.
-    weight : ndarray, shape (sample, view, view)
+    weight : RowWeights
         The matrix Q; zero where a sample is not kept.
     rank : ndarray of int, shape (sample,)
         How many parameters the rows determine at the sample alone.
@@ -44,7 +80,7 @@ class SampleLeastSquares:
     """
 
     design: Array
-    weight: Array
+    weight: RowWeights
     rank: NDArray[np.int_]
     rows: NDArray[np.int_]
 
@@ -61,7 +97,7 @@ class SampleLeastSquares:
     @property
     def estimator(self) -> Array:
         """Matrix T, shape (sample, parameter, view)."""
-        return np.swapaxes(self.design, 1, 2) @ self.weight
+        return np.swapaxes(self.weight.times(self.design), 1, 2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,26 +149,27 @@ class RowModel:
         if self.intercept:
             design = np.concatenate([design, valid[..., None].astype(float)], axis=-1)
         samples, views = valid.shape
-        weight = np.zeros((samples, views, views))
         rank, rows = np.zeros(samples, int), np.zeros(samples, int)
-        code = valid @ (1 << np.arange(views))
-        for pattern in np.unique(code):
-            here = np.flatnonzero(code == pattern)
-            left = self._rows_of(valid[here[0]])
+        found: list[tuple[IndexArray, RowWeights]] = []
+        patterns, code = np.unique(valid, axis=0, return_inverse=True)
+        for k, pattern in enumerate(patterns):
+            here = np.flatnonzero(code == k)
+            left = self._rows_of(pattern)
             if len(left) < FEWEST_ROWS:
                 continue
             basis = np.linalg.svd(left, full_matrices=False)[2][: np.linalg.matrix_rank(left)]
             rank[here] = rank_of(basis @ design[here], self.tolerance)
             rows[here] = len(left)
-            weight[here] = self._weights(basis, left, valid[here], std[here])
+            found.append((here, self._weights(basis, left, valid[here], std[here])))
         if self.complete:
             rows[rank < self.parameters] = 0
-        weight[rows == 0] = 0
+        found = [(here[kept := rows[here] > 0], weight[kept]) for here, weight in found]
         if self.instead and (lost := rows == 0).any():
             by_all = replace(self, rows=np.eye(views), generalised=True, instead=False)
             other = by_all.at(directions[lost], valid[lost], std[lost])
-            weight[lost], rank[lost], rows[lost] = other.weight, other.rank, other.rows
-        return SampleLeastSquares(design, weight, rank, rows)
+            found.append((np.flatnonzero(lost), other.weight))
+            rank[lost], rows[lost] = other.rank, other.rows
+        return SampleLeastSquares(design, _joined(found, valid.shape), rank, rows)
 
     def _rows_of(self, seen: BoolArray) -> Array:
         """Select rows that need none of the views that do not see a sample."""
@@ -146,24 +183,44 @@ class RowModel:
         left[:, ~seen] = 0
         return left[np.abs(left).max(axis=1) > 1e-9]
 
-    def _weights(self, basis: Array, left: Array, valid: BoolArray, std: Array) -> Array:
+    def _weights(self, basis: Array, left: Array, valid: BoolArray, std: Array) -> RowWeights:
         """Compute ``A^T A``, or ``A^T (A Sigma A^T)^-1 A`` with Sigma of the views.
 
         With a basis C of what the rows do not see, the latter is
-        ``S - S C (C^T S C)^-1 C^T S``, ``S = Sigma^-1``.
+        ``S - S C (C^T S C)^-1 C^T S``, ``S = Sigma^-1``; the shorter of both is taken.
         """
+        samples, views = valid.shape
+        sign = np.ones(samples)
         if not self.generalised:
-            return np.broadcast_to(left.T @ left, (len(valid), *2 * valid.shape[1:]))
-        inverse = valid / np.where(valid, std, 1.0) ** 2
-        weight = inverse[..., None] * np.eye(valid.shape[1])
+            few: Array = left if len(left) <= views else np.asarray(np.linalg.qr(left, mode="r"))
+            return RowWeights(
+                np.zeros(valid.shape), np.broadcast_to(few, (samples, *few.shape)), sign
+            )
+        variance = np.where(valid, std, 1.0) ** 2
         seen = valid[0]
         blind = np.linalg.svd(basis[:, seen])[2][len(basis) :]
-        if not len(blind):
-            return weight
-        unseen = np.zeros((len(blind), len(seen)))
+        if len(basis) < len(blind):
+            covariance = (basis * variance[:, None]) @ basis.T
+            factor: Array = np.asarray(
+                np.linalg.solve(np.linalg.cholesky(covariance), basis), float
+            )
+            return RowWeights(np.zeros(valid.shape), factor, sign)
+        inverse = valid / variance
+        unseen = np.zeros((len(blind), views))
         unseen[:, seen] = blind
         scaled = unseen * inverse[:, None]
-        return weight - np.swapaxes(scaled, 1, 2) @ np.linalg.solve(scaled @ unseen.T, scaled)
+        factor = np.linalg.solve(np.linalg.cholesky(scaled @ unseen.T), scaled)
+        return RowWeights(inverse, factor, -sign)
+
+
+def _joined(parts: list[tuple[IndexArray, RowWeights]], shape: tuple[int, int]) -> RowWeights:
+    """Join weights of some samples each; those of the others are zero."""
+    rows = max((weight.factor.shape[1] for _, weight in parts), default=0)
+    whole = RowWeights(np.zeros(shape), np.zeros((shape[0], rows, shape[1])), np.ones(shape[0]))
+    for here, weight in parts:
+        whole.diagonal[here], whole.sign[here] = weight.diagonal, weight.sign
+        whole.factor[here, : weight.factor.shape[1]] = weight.factor
+    return whole
 
 
 #: Ratio of the weights of samples that are told apart.

@@ -1,0 +1,12 @@
+from . import estimate as estimate
+from .base import ModalFit as ModalFit
+from .base import ModalMethod as ModalMethod
+from .compression import PrincipalResponses as PrincipalResponses
+from .compression import compress as compress
+from .estimate import ModalEstimate as ModalEstimate
+from .estimate import estimate_modes as estimate_modes
+from .images import ModalImage as ModalImage
+from .images import ModalProjection as ModalProjection
+from .own import MostLikelyModes as MostLikelyModes
+from .responses import Responses as Responses
+from .stabilisation import Stabilisation as Stabilisation
