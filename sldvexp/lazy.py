@@ -52,17 +52,25 @@ def _hidden(*names: str) -> Iterator[None]:
         sys.modules.update(were)
 
 
-def numpy_alone() -> None:
+def numpy_alone(to_the_end: bool = False) -> None:
     """Keep xarray in this process from loading what else arrays could be of, which takes 0.3 s.
 
     It asks for dask and pint as soon as it looks at an array, and remembers what it found. A
     command that only reads a dataset has arrays of numpy alone; where dask is in use, nothing is
     changed.
+
+    Parameters
+    ----------
+    to_the_end : bool
+        Dask is not there for this process any more: xarray looks for its locks when it writes a
+        file, and pint for its arrays when it is imported, 0.5 s more.
     """
     if "dask" not in sys.modules:
         # Where xarray knows already that dask is installed, it is loaded after all.
         with _hidden("dask", "pint"), suppress(ImportError):
             assert xarray.Variable("place", [0.0]).astype(float).to_numpy() is not None
+        if to_the_end:
+            sys.modules["dask"] = None  # type: ignore[assignment]
 
 
 __all__ = [

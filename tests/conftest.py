@@ -11,6 +11,7 @@ import select
 import socket
 import subprocess
 import sys
+import tempfile
 import threading
 from collections import Counter
 from collections.abc import Callable, Iterator
@@ -34,6 +35,12 @@ from sldvexp.instrument import connection
 from sldvexp.report.html.page import Html
 from sldvexp.stopping import handlers_kept
 from sldvexp.testing import faults
+
+if "PYTEST_XDIST_WORKER" not in os.environ:  # workers have what the first process has
+    # Commands that tests start share what they compile and compose, and leave the user's alone.
+    _shared = tempfile.TemporaryDirectory(prefix="sldvexp-tests-")
+    os.environ |= {"XDG_CACHE_HOME": _shared.name, "PYTHONPYCACHEPREFIX": f"{_shared.name}/code"}
+    os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
 with suppress(ImportError):  # so that no command keeps xarray in this process from it
     import dask  # noqa: F401

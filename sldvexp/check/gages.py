@@ -127,7 +127,7 @@ class Gages(Check):
             points = chart.points(places, found.fit.face)
             strains = [tuple(plate.strain(points, f, chart.frames(places)).T) for f in hertz]
             true.append([weight @ along(strain, gage.along) for strain in strains])
-        return {"true_strain": images[0].sampling.amplitude * np.array(true)}
+        return {"true_strain": images[0].sampling.amplitude_at(hertz) * np.array(true)}
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,6 +7,7 @@ of the user's folder, and the scan is a run of it as any other.
 from __future__ import annotations
 
 import importlib.util
+import io
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -19,6 +20,7 @@ from sldvexp.cli.in_process import watched_run
 from sldvexp.config import registry
 from sldvexp.config.experiment import Experiment
 from sldvexp.config.planning import PlanCriterion
+from sldvexp.console.afterwards import Advice
 from sldvexp.dataset import RunData
 from sldvexp.errors import UserError
 from sldvexp.instrument import ScanningPlugin
@@ -37,6 +39,13 @@ TOO_FEW = (
     "So few views do not determine three components anywhere; three that stand well apart do. "
     "sldvexp plan finds stands for all of them."
 )
+#: Advice to who may still choose their stands.
+BETTER = (
+    "sldvexp plan finds better ones, and writes an experiment with them; after each view it is "
+    "told here which stand helps most."
+)
+#: Dots per inch of a figure.
+DOTS = 160
 #: Folder for what is aimed, without ``--config-dir``.
 OWN_FOLDER = "conf"
 
@@ -89,7 +98,7 @@ def composed(words: Sequence[str], config_dir: str | None) -> Experiment:
     return config.schema.build(cfg)
 
 
-def advice(experiment: Experiment, groups: Mapping[str, xr.Dataset]) -> list[str]:
+def advice(experiment: Experiment, groups: Mapping[str, xr.Dataset]) -> Advice:
     """Say which bounds the views that are done reach, and where to stand next.
 
     Parameters
@@ -97,10 +106,15 @@ def advice(experiment: Experiment, groups: Mapping[str, xr.Dataset]) -> list[str
     experiment : Experiment
         With a volume, whose surface is to be seen.
     groups : mapping of str to xarray.Dataset
-        Of the views: their images, and the group ``pose``.
+        Of the views: their images, and the group ``pose``. Without any it is said what the stands
+        reach that the configuration gives.
     """
+    if not groups and experiment.volume is not None:
+        given = planner.check_stands(experiment)
+        reached = f"The stands that are given: {_reached(given)}."
+        return Advice([reached, BETTER], _drawn(given))
     if experiment.volume is None or not any(name.startswith("image/") for name in groups):
-        return ["Without a volume and images of it nobody can say where to stand next."]
+        return Advice(["Without a volume and images of it nobody can say where to stand next."])
     done = RunData(dict(groups), {}, Path())
     told = []
     with suppress(UserError):  # of so few views
@@ -108,11 +122,18 @@ def advice(experiment: Experiment, groups: Mapping[str, xr.Dataset]) -> list[str
     try:
         after = planner.next_stand(experiment, done)
     except UserError as error:
-        return [*told, f"No stand can be advised: {error}."] if told else [TOO_FEW]
+        return Advice([*told, f"No stand can be advised: {error}."] if told else [TOO_FEW])
     for stand in after.added:
         place, what = (_metres(point) for point in (stand.origin, stand.look_at))
         told.append(f"Stand next at {place} m and look at {what} m. Then: {_reached(after)}.")
-    return told
+    return Advice(told, _drawn(after))
+
+
+def _drawn(plan: StandPlan) -> bytes:
+    """Draw a plan for the page, as PNG."""
+    content = io.BytesIO()
+    planner.figure.draw(plan).savefig(content, format="png", dpi=DOTS, metadata={"Software": None})
+    return content.getvalue()
 
 
 def _reached(plan: StandPlan) -> str:

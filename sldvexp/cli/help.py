@@ -73,14 +73,15 @@ COMMAND_HELP = {
         ),
     ),
     "show": CommandHelp(
-        "group=name, part of a name, or a run",
+        "group=name, part of a name, a run or a sweep",
         "what can be set of a choice, and all that a run found",
         (
             "Shows the page of one choice: every setting with its value, type, unit and meaning; "
             "of an experiment what it chooses, sets and expects. Part of a name is enough; if it "
             "fits several, they are listed.",
             "Of a run, given by its folder, it shows every number, finding and note, where the run "
-            "itself ends in five lines.",
+            "itself ends in five lines; of one that failed or was cut off, why, what it has and "
+            "how it goes on; of a sweep, the table of its runs.",
         ),
         (
             ("show pose=edge", "every setting of that method"),

@@ -330,7 +330,7 @@ class Command:
                 assert self.folder is not None
                 _keep_settings(Path(job.runtime.output_dir))
                 if self.own_process and self.experiment and self.experiment.stream is None:
-                    numpy_alone()
+                    numpy_alone(to_the_end=True)
                 with self.held:
                     passed = pipeline.runner.run(
                         cfg,

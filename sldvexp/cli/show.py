@@ -1,6 +1,6 @@
 """`sldvexp show`: the page of an experiment or of a plugin, with every setting and its meaning.
 
-Of a run, all that it found.
+Of a run, all that it found; of a sweep, the table of its runs.
 """
 
 from __future__ import annotations
@@ -23,6 +23,9 @@ from sldvexp.config.paths import RUN_FILE, conf_dir, displayed
 from sldvexp.config.sources import ConfigLayer
 from sldvexp.errors import UserError, nearest
 
+#: By which a folder is told to be a sweep's, or that of a run that may not be done.
+SWEEP_FILE, HYDRA_FOLDER = "sweep.nc", ".hydra"
+
 
 def run(words: list[str], config_dir: str | None) -> int:
     """Print the page about one choice, or the list of those that part of a name fits, or a run.
@@ -36,7 +39,7 @@ def run(words: list[str], config_dir: str | None) -> int:
         told = f", not {' '.join(words)}" if words else ""
         raise UserError(
             f"command line: show takes one group=name, as in reconstruction=absolute{told}; "
-            "sldvexp list lists them; or the folder of a run"
+            "sldvexp list lists them; or the folder of a run or a sweep"
         )
     if is_run(words[0]):
         cli.details.print_details(Path(words[0]))
@@ -65,8 +68,9 @@ def run(words: list[str], config_dir: str | None) -> int:
 def is_run(word: str) -> bool:
     """Tell whether a word is a file, or a folder that no choice could be meant by."""
     path = Path(word)
+    files = (RUN_FILE, SWEEP_FILE, HYDRA_FOLDER)
     return path.suffix == ".nc" or (
-        path.is_dir() and (os.sep in word or (path / RUN_FILE).exists())
+        path.is_dir() and (os.sep in word or any((path / name).exists() for name in files))
     )
 
 

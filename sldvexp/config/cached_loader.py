@@ -1,20 +1,30 @@
 """Composes configurations as Hydra does, but only once what they have in common.
 
 Hydra composes every job of a sweep from all files, twice, and a single run twice as well. Which
-files are composed depends only on what is chosen from groups; values that are set come on top.
+files are composed depends only on what is chosen from groups; values that are set come on top. What
+was composed is kept in the user's cache, too, by the content of all that decides it.
 """
 
 from __future__ import annotations
 
+import hashlib
 import os
 import pickle
-from collections.abc import Callable, Iterator
+import re
+import stat
+import sys
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from copy import deepcopy
+from dataclasses import dataclass
 from functools import cache
+from itertools import islice
+from pathlib import Path
 from typing import Any
 from uuid import uuid4
 
+import hydra
+import omegaconf
 import yaml
 from hydra._internal import hydra as program
 from hydra._internal.config_loader_impl import get_overrides_dirname
@@ -23,13 +33,15 @@ from hydra.core.config_search_path import ConfigSearchPath
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.core.override_parser.types import Override
 from hydra.core.utils import JobReturn
-from hydra.plugins.config_source import ConfigResult
+from hydra.plugins.config_source import ConfigResult, ConfigSource
 from hydra.types import RunMode
 from omegaconf import DictConfig, _utils
 from yaml.constructor import SafeConstructor
 from yaml.resolver import Resolver
 
 from sldvexp.config.naming_loader import NamingLoader
+from sldvexp.config.registry import looked_for_packages
+from sldvexp.writing import whole_or_nothing
 
 
 def _copies(value: Any) -> Callable[[], Any]:
@@ -85,6 +97,108 @@ def _of_process(name: str) -> Memory:
     return Memory()
 
 
+#: Folder of the user's cache; what others could write to or read is left alone.
+CACHE = "sldvexp"
+#: Files that the cache keeps, the newest, and the largest of them, bytes.
+MOST_KEPT, LARGEST_KEPT = 100, 2**22
+#: Files of a folder of configurations that are looked at: one with more is none that lasts.
+MOST_FILES = 2000
+#: What is looked up when a file is read, and not by the content of files.
+LOOKED_UP = re.compile(rb"\$\{\s*(?!now:|hydra:)[\w.]+\s*:")
+
+
+@dataclass(frozen=True)
+class LastingMemory:
+    """Compositions in a folder that is this user's alone: a pickle is trusted as a program is.
+
+    Parameters
+    ----------
+    folder : Path
+    """
+
+    folder: Path
+
+    @classmethod
+    def of_user(cls) -> LastingMemory | None:
+        """Open the user's cache; None where there is none that nobody else may write to."""
+        with suppress(OSError, RuntimeError):
+            root = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+            folder = Path(root) / CACHE
+            folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+            if _is_own(folder.lstat(), stat.S_ISDIR, 0o077):
+                return cls(folder)
+        return None
+
+    def read(self, name: str) -> Callable[[], Any] | None:
+        """Read what was kept under a name, as `_copies` gives it; None if nothing whole was."""
+        with suppress(OSError):
+            handle = os.open(self.folder / name, os.O_RDONLY | os.O_NOFOLLOW)
+            with open(handle, "rb") as file:
+                about = os.fstat(handle)
+                if not _is_own(about, stat.S_ISREG, 0o022) or about.st_size > LARGEST_KEPT:
+                    return None
+                said, content = file.read(DIGEST), file.read()
+            if hashlib.sha256(content).digest() == said:
+                with suppress(Exception):  # of classes that are there no more
+                    pickle.loads(content)
+                    return lambda: pickle.loads(content)
+        return None
+
+    def write(self, name: str, composed: DictConfig) -> None:
+        """Keep a composition, if it can be kept."""
+        with suppress(Exception):  # of a class that Hydra's search for plugins has made anew
+            content = pickle.dumps(composed)
+            with whole_or_nothing(self.folder / name, lasting=False) as beside:
+                beside.chmod(0o600)
+                beside.write_bytes(hashlib.sha256(content).digest() + content)
+            kept = sorted(self.folder.iterdir(), key=lambda file: file.stat().st_mtime)
+            for old in kept[:-MOST_KEPT]:
+                old.unlink()
+
+
+DIGEST = hashlib.sha256().digest_size
+
+
+def _is_own(about: os.stat_result, is_kind: Callable[[int], bool], others: int) -> bool:
+    """Tell whether something is of the right kind, and this user's alone."""
+    own = hasattr(os, "geteuid") and about.st_uid == os.geteuid()
+    return own and is_kind(about.st_mode) and not about.st_mode & others
+
+
+def name_of(key: tuple[str | None, tuple[str, ...]], sources: Sequence[ConfigSource]) -> str:
+    """Name a composition by the content of all that decides it; empty if more than files do.
+
+    That are the choices, all files in the folders of configurations, the program's code and that
+    of what composes. Plugins of other packages decide too, and what they do is not kept.
+    """
+    if any("${" in choice for choice in key[1]):
+        return ""
+    told = hashlib.sha256(repr(key).encode())
+    told.update(f"{sys.version} {hydra.__version__} {omegaconf.__version__}".encode())
+    package = Path(__file__).resolve().parents[1]
+    for file in sorted(package.rglob("*.py")):
+        about = file.stat()
+        told.update(f"{file} {about.st_mtime_ns} {about.st_size}\n".encode())
+    for source in sources:
+        told.update(f"{source.provider} {source.full_path()}\n".encode())
+        if source.scheme() != "file":
+            continue
+        files = [*islice(_configurations(Path(source.path)), MOST_FILES + 1)]
+        if len(files) > MOST_FILES:
+            return ""
+        for file in sorted(files):
+            content = file.read_bytes()
+            if LOOKED_UP.search(content):
+                return ""
+            told.update(f"{file} {len(content)}\n".encode() + content)
+    return told.hexdigest()
+
+
+def _configurations(folder: Path) -> Iterator[Path]:
+    """Find the files that a folder of configurations may give."""
+    return (f for f in folder.rglob("*") if f.suffix in (".yaml", ".yml") and f.is_file())
+
+
 class RememberingRepository(ConfigRepository):
     """Hydra's files and schemas, of which every one is read once; each reader gets its own copy."""
 
@@ -121,6 +235,7 @@ class RememberingLoader(NamingLoader):
         super().__init__(config_search_path)
         self.repository = RememberingRepository(config_search_path)
         self._known = Memory()
+        self._lasting = LastingMemory.of_user()
 
     def _load_configuration_impl(
         self,
@@ -169,8 +284,14 @@ class RememberingLoader(NamingLoader):
         """Compose the choices as Hydra does, to be changed at will."""
         key = config_name, choosing
         if key not in self._known:
-            composed = super()._load_configuration_impl(config_name, [*choosing], RunMode.RUN)
-            self._known[key] = _copies(composed)
+            lasting, name = self._lasting, name_of(key, self.repository.sources)
+            kept = lasting.read(name) if lasting and name else None
+            if kept is None:
+                composed = super()._load_configuration_impl(config_name, [*choosing], RunMode.RUN)
+                kept = _copies(composed)
+                if lasting and name and not looked_for_packages():
+                    lasting.write(name, composed)
+            self._known[key] = kept
         config: DictConfig = self._known[key]()
         return config
 

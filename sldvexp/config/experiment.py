@@ -113,7 +113,7 @@ class Experiment:
     seed : int
         Seed of the run's one random generator.
     target, laser, scene, scan, instrument, signal : plugin
-    pose, volume, reconstruction, material, solver, stream, modal : plugin
+    pose, volume, reconstruction, material, solver, stream, modal, model : plugin
         A stage without a plugin is left out.
     compare_scan : dict of str to scan
         Further scans with the same instrument, for the pose methods of the same names.
@@ -160,6 +160,7 @@ class Experiment:
             "by_hand": "sldvexp.scan.by_hand",
             "calibration": "sldvexp.scan.calibration",
             "list": "sldvexp.scan.pixel_list",
+            "outline": "sldvexp.scan.outline",
             "rectangle": "sldvexp.scan.rectangle",
             "session": "sldvexp.scan.session",
         },
@@ -176,15 +177,19 @@ class Experiment:
             "visa": "sldvexp.instrument.visa",
         },
     )
-    signal: Any = one_of("signal", {"sine_fit": "sldvexp.signal.sine_fit"})
+    signal: Any = one_of(
+        "signal", {"sine_fit": "sldvexp.signal.sine_fit", "response": "sldvexp.signal.response"}
+    )
     pose: Any = one_of(
         "pose",
         {
             "bitangent": "sldvexp.pose.bitangent",
+            "bundle": "sldvexp.pose.bundle",
             "digitizer": "sldvexp.pose.digitizer",
             "edge": "sldvexp.pose.edge",
             "given": "sldvexp.pose.given",
             "manual": "sldvexp.pose.manual",
+            "part": "sldvexp.pose.part",
             "registration": "sldvexp.pose.registration",
         },
     )
@@ -221,6 +226,9 @@ class Experiment:
     )
     stream: Any = one_of("stream", {"dask": "sldvexp.field.streaming.dask"})
     modal: Any = one_of("modal", {"own": "sldvexp.modes.own", "sdypy": "sldvexp.modes.by_sdypy"})
+    model: Any = one_of(
+        "model", {"file": "sldvexp.models.model_file", "plate": "sldvexp.models.skfem_plate"}
+    )
     compare_scan: dict[str, Any] = several_of("scan")
     compare_pose: dict[str, Any] = several_of("pose", makes="compare_pose")
     compare: dict[str, Any] = several_of("reconstruction", makes="compare")
@@ -234,6 +242,7 @@ class Experiment:
             "faces": "sldvexp.check.faces",
             "field_pattern": "sldvexp.check.field_pattern",
             "gages": "sldvexp.check.gages",
+            "image_truth": "sldvexp.check.image_truth",
             "kreis": "sldvexp.check.kreis",
             "left_out": "sldvexp.check.left_out",
             "lever_arm": "sldvexp.check.lever_arm",

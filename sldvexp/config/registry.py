@@ -201,6 +201,11 @@ def load_installed() -> bool:
     return bool(entries)
 
 
+def looked_for_packages() -> bool:
+    """Tell whether a name that is not built in was asked for in this process."""
+    return load_installed.cache_info().currsize > 0
+
+
 def _others(before: Collection[type] = ()) -> list[type]:
     """List the plugins that are registered by now, not built in, and were not there before."""
     registered = (p for members in _plugins.values() for p in members.values())

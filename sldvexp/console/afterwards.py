@@ -10,6 +10,7 @@ import logging
 import queue
 import threading
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -22,8 +23,18 @@ from sldvexp.pose.base import PoseResult
 log = logging.getLogger(__name__)
 
 Groups = Mapping[str, xr.Dataset]
-#: Advises from an experiment and the groups of its views that are done, in sentences.
-Advise = Callable[[Experiment, Groups], list[str]]
+
+
+@dataclass(frozen=True)
+class Advice:
+    """Advice on where to stand, in sentences, and a figure of it as PNG; empty if there is none."""
+
+    told: list[str]
+    figure: bytes = b""
+
+
+#: Advises from an experiment and the groups of its views that are done.
+Advise = Callable[[Experiment, Groups], Advice]
 MILLI = 1e3
 
 
@@ -37,9 +48,9 @@ class Afterwards:
     tell : callable
         Gets the sentences of every view that is done.
     advise : callable, optional
-        Sentences on what to do next.
+        Says what to do next.
     planned : callable, optional
-        Gets these sentences.
+        Gets that.
     """
 
     def __init__(
@@ -47,10 +58,10 @@ class Afterwards:
         experiment: Experiment,
         tell: Callable[[dict[str, list[str]]], None],
         advise: Advise | None = None,
-        planned: Callable[[list[str]], None] | None = None,
+        planned: Callable[[Advice], None] | None = None,
     ) -> None:
         self._experiment, self._tell, self._advise = experiment, tell, advise
-        self._planned = planned or (lambda told: None)
+        self._planned = planned or (lambda advice: None)
         self._groups: dict[str, xr.Dataset] = {}
         self._told: dict[str, list[str]] = {}
         self._waiting = 0

@@ -23,11 +23,13 @@ from sldvexp.console.outlook import Outlook
 from sldvexp.errors import UserError
 from sldvexp.instrument import Acquisition, Instrument, InstrumentError, RawSamples
 from sldvexp.instrument import bench as aids
+from sldvexp.instrument.protocol import CHANNELS
 from sldvexp.scan import Sampling
+from sldvexp.session.records import acquisition_of
 from sldvexp.signal import Flag, SignalEstimator
 from sldvexp.signal.sine_fit import SineFit
 from sldvexp.stopping import undisturbed
-from sldvexp.typing import IntArray
+from sldvexp.typing import Array, IntArray
 
 Wish = dict[str, Any]
 
@@ -43,6 +45,8 @@ STRIDE, HELD = 0.05, 0.6
 #: Pictures of the camera are not taken more often than this, s.
 PICTURE = 0.2
 MILLI = 1e3
+#: Place of the reference among the channels.
+REFERENCE = CHANNELS.index("reference")
 #: Numbers of spots at most, and steps that no board has.
 MOST_SPOTS, BEYOND = 10_000, 2**20
 
@@ -85,6 +89,7 @@ class AimingBench:
         self._look: Iterator[tuple[IntArray, int]] | None = None
         self._held: tuple[Steps, float] | None = None
         self._pace = PART
+        self._silent = False  # whether the instrument has failed
         self._photographed = (0.0, (0, 0), "")
         self._begin()
 
@@ -116,11 +121,20 @@ class AimingBench:
         self._look, self._held, self._set = None, None, None
         opened, self._opened, self._instrument = self._opened, ExitStack(), None
         self.beam = (0, 0)
-        with undisturbed():
-            opened.close()
-        self.board.tell("level", None)
-        self.board.tell("looking", False)
-        self._tell_beam()
+        try:
+            with undisturbed():
+                opened.close()
+        finally:  # an instrument that is lost shows nothing either
+            self._photographed = (0.0, (0, 0), "")
+            self.board.begin("camera")
+            self.board.tell("level", None)
+            self.board.tell("looking", False)
+            self._tell_beam()
+
+    def settings(self) -> dict[str, Any]:
+        """Make the part ``scan`` of a configuration of what was aimed; empty if nothing was."""
+        ahead = {view: self.outlook.of(self.marks.of(view), view).predicted for view in self.views}
+        return self.marks.settings(self.experiment, ahead)
 
     # ---- what is wished ----
 
@@ -266,7 +280,9 @@ class AimingBench:
         samples = self._ready().scan(dac)
         self._pace = max((time.monotonic() - began) / len(dac), 1e-6)
         value, flags = self._amplitude(samples)
-        self.board.add("raster", [dac.astype(np.int32).ravel(), value, flags], cell=cell)
+        reference = _peaks(samples)[:, REFERENCE].astype(np.float32)
+        arrays = [dac.astype(np.int32).ravel(), value, flags, reference]
+        self.board.add("raster", arrays, cell=cell)
 
     def _parts(self, low: Steps, high: Steps) -> Iterator[tuple[IntArray, int]]:
         """Yield the pixels of a quick look, coarse to fine, with the size of their cells."""
@@ -304,7 +320,7 @@ class AimingBench:
         parts = [p for p in parts_of(self.experiment).values() if hasattr(p, "sampling")]
         chosen = [p for p in parts if kind_of(p) == self.kind] or parts
         s = chosen[0].sampling if chosen else Sampling()
-        return aids.quick(Acquisition(s.rate, s.samples, tuple(s.frequency), s.amplitude))
+        return aids.quick(acquisition_of(s))
 
     def _go(self, to: Steps) -> None:
         """Move the beam, to the nearest place that the board has."""
@@ -332,9 +348,10 @@ class AimingBench:
         try:
             work()
         except InstrumentError as error:
+            self._silent = True
             with suppress(InstrumentError):
                 self.leave()
-            self.say(str(error), problem=True)
+            self.say(f"The instrument: {error}. It is tried again and again.", problem=True)
         except UserError as error:
             self._look = None
             self.board.tell("looking", False)
@@ -363,15 +380,17 @@ class AimingBench:
         instrument = self._ready()
         samples = instrument.acquire()
         value, flags = self._amplitude(samples)
-        volts = np.abs(samples.counts.astype(np.int32)).max(axis=2)[0] * samples.volts_per_count
         light = aids.light_level(instrument, samples)
         told = {
             "velocity": round(float(value[0]), 4),
-            "reference": round(float(volts[1]), 4),
+            "reference": round(float(_peaks(samples)[0, REFERENCE]), 4),
             "light": round(light, 3),
             "flags": [flag.name for flag in Flag if flags[0] & flag],
         }
         self.board.tell("level", told)
+        if self._silent:
+            self._silent = False
+            self.say("The instrument answers again.")
         place = aids.read_position(instrument, self.beam)
         if place != self.beam:
             self.beam = place
@@ -388,7 +407,7 @@ class AimingBench:
 
     def _tell_marks(self) -> None:
         found = self.marks.of(self.view)
-        ahead = self.outlook.of(found)
+        ahead = self.outlook.of(found, self.view)
         undo, redo = self.marks.can
         told = {
             "view": self.view,
@@ -421,6 +440,12 @@ class AimingBench:
         if change.view != self.view:
             self._choose_view({"name": change.view})
         self._tell_marks()
+
+
+def _peaks(samples: RawSamples) -> Array:
+    """Find the largest sample of every pixel and channel, V."""
+    most = np.abs(samples.counts.astype(np.int32)).max(axis=2)
+    return np.asarray(most * samples.volts_per_count)
 
 
 def _pair(value: object) -> Steps:

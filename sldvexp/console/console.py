@@ -2,21 +2,30 @@
 
 from __future__ import annotations
 
+import logging
 import queue
+import threading
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from pathlib import Path
 
+from sldvexp import dataset
 from sldvexp.config.experiment import Experiment
+from sldvexp.config.own_files import own_path
 from sldvexp.config.paths import RUN_FILE
-from sldvexp.console.afterwards import Advise
+from sldvexp.console.afterwards import Advice, Advise
 from sldvexp.console.bench import AimingBench, Wish
 from sldvexp.console.board import NoticeBoard
 from sldvexp.console.scanning import Asked, Scanning
 from sldvexp.console.server import Server
-from sldvexp.console.written import CHOICE, settings_with, write_experiment
+from sldvexp.console.written import CHOICE, command_with, settings_with, write_experiment
+from sldvexp.dataset import RunData
 from sldvexp.errors import UserError
-from sldvexp.report import REPORT_FILE
+from sldvexp.files import read_text
+from sldvexp.report import REPORT_FILE, closing_lines
 from sldvexp.session import Operator, Watcher
+
+log = logging.getLogger(__name__)
 
 #: Runs settings with a watcher and an operator; the run's folder.
 Run = Callable[[Sequence[str], Watcher, Operator], Path]
@@ -40,7 +49,8 @@ class Console:
     port : int
         0 takes a free one.
     advise : callable, optional
-        Sentences on where to stand next, from the groups of the views that are done.
+        Says where to stand next, from the groups of the views that are done; without any, what the
+        stands reach that the configuration gives.
     """
 
     def __init__(
@@ -57,10 +67,14 @@ class Console:
         self.board = NoticeBoard()
         self.wishes: queue.Queue[Wish] = queue.Queue()
         self.bench = AimingBench(experiment, self.board, self.wishes)
-        self.server = Server(self.board, self.wishes, lambda: self._page, port)
+        self.server = Server(
+            self.board, self.wishes, lambda: self._page, lambda: self._plan.figure, port
+        )
         self._compose, self._run, self._advise = compose, run, advise
         self._page: Path | None = None
-        self.bench.further = {"write": self._write, "scan": self._scan}
+        self._plan, self._plans = Advice([]), 0
+        self._ours: dict[Path, str] = {}  # files that were written, as they were
+        self.bench.further = {"write": self._write, "scan": self._scan, "plan": self._examine}
         base = next((m[1] for s in settings if (m := CHOICE.fullmatch(s))), "session")
         self.board.tell("suggested", f"{base.rpartition('/')[2]}_aimed")
         self.board.tell("phase", "aim")
@@ -87,26 +101,34 @@ class Console:
 
     def _written(self, wish: Wish) -> list[str]:
         """Write what was aimed; give the settings of a run of it."""
-        scan = self.bench.marks.settings(self.experiment)
+        scan = self.bench.settings()
         if not scan:
             raise UserError("nothing is marked yet")
         name = wish.get("name")
         if not isinstance(name, str):
             raise UserError("an experiment needs a name")
-        replace = wish.get("replace") is True
+        before = own_path(self.folder, "experiment", name)
+        replace = wish.get("replace") is True or self._is_ours(before)
         path = write_experiment(self.folder, name, self.settings, scan, replace)
-        settings = settings_with(self.settings, name)
-        self.board.tell("written", f"{path}; sldvexp {' '.join(settings)} scans it")
+        self._ours[path] = path.read_text(encoding="utf-8")
+        command = command_with(self.folder, self.settings, name)
+        self.board.tell("written", f"{path}; {command} scans it")
         self.bench.say(f"Written to {path}.")
-        return settings
+        return settings_with(self.settings, name)
+
+    def _is_ours(self, path: Path) -> bool:
+        """Tell whether a file is one that this console wrote, and nobody changed since."""
+        with suppress(UserError):  # it is not there, or no text
+            return path in self._ours and read_text(path) == self._ours[path]
+        return False
 
     def _scan(self, wish: Wish) -> None:
         """Scan what was aimed, as a run of the experiment that is written of it."""
-        scan = self.bench.marks.settings(self.experiment)
+        scan = self.bench.settings()
         settings = self._written(wish) if scan else self.settings
         experiment = self._compose(settings) if scan else self.experiment
         self.bench.leave()  # the run opens the instrument for itself
-        scanning = Scanning(experiment, self.board, self.wishes, self._advise)
+        scanning = Scanning(experiment, self.board, self.wishes, self._advise, self._tell_advice)
         self.board.tell("phase", "scan")
         self.board.tell(
             "result", {"told": "The report stands here when the scan is done.", "page": False}
@@ -122,14 +144,41 @@ class Console:
             self._ended(str(stop) or "stopped")
         else:
             self._page = folder / REPORT_FILE
-            told = f"The run is in {folder / RUN_FILE}."
-            self.board.tell("result", {"told": told, "page": self._page.is_file()})
+            page = self._page.is_file()
+            with dataset.load(folder / RUN_FILE) as tree:
+                files = [folder / RUN_FILE, *([self._page] if page else [])]
+                lines = [list(line) for line in closing_lines(RunData.from_source(tree), files)]
+            told = f"The run is in {folder}."
+            self.board.tell("result", {"told": told, "page": page, "lines": lines})
             self.board.tell("phase", "result")
             self.bench.say("The scan is done.")
         finally:
             scanning.end()
             if scanning.lost:
                 self.bench.steered = False
+
+    def _examine(self, wish: Wish) -> None:
+        """Say what the stands reach that the configuration gives, in a thread of its own."""
+        if self._advise is None:
+            raise UserError("nobody can say what these stands reach")
+        self.board.tell("planned", {"told": ["Computing what these stands reach …"], "figure": 0})
+        threading.Thread(target=self._advise_beforehand, name="plan", daemon=True).start()
+
+    def _advise_beforehand(self) -> None:
+        assert self._advise is not None
+        try:
+            advice = self._advise(self.experiment, {})
+        except UserError as error:
+            advice = Advice([f"{error}."])
+        except Exception:
+            log.exception("what the stands of the configuration reach")
+            advice = Advice(["It could not be computed; the log says why."])
+        self._tell_advice(advice)
+
+    def _tell_advice(self, advice: Advice) -> None:
+        self._plan, self._plans = advice, self._plans + 1
+        shown = self._plans if advice.figure else 0  # so that a browser asks for it anew
+        self.board.tell("planned", {"told": advice.told, "figure": shown})
 
     def _ended(self, why: str, problem: bool = False) -> None:
         self.board.tell("result", {"told": why, "page": False})

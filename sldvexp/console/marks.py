@@ -8,7 +8,7 @@ where they were found from `AimedPerson`, in the place of a person at the termin
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -148,10 +148,13 @@ class AimedMarks:
         """True if something can be taken back, and if something can be repeated."""
         return bool(self._done), bool(self._undone)
 
-    def settings(self, experiment: Experiment) -> dict[str, Any]:
+    def settings(
+        self, experiment: Experiment, predicted: Mapping[str, Mapping[Name, Steps]] | None = None
+    ) -> dict[str, Any]:
         """Make the part ``scan`` of a configuration that has the marks as its parts want them.
 
-        Only views of which something was marked are in it.
+        Only views of which something was marked are in it. Circles and corners of these that were
+        not marked are taken where they are `predicted`, by the view's name.
         """
         made: dict[str, Any] = {}
         numbers = wanted(experiment)
@@ -159,7 +162,7 @@ class AimedMarks:
             kind = kind_of(part)
             views: dict[str, Any] = {}
             for view in self._found:
-                places = list(self._sorted(view, kind))
+                places = self._places(view, kind, (predicted or {}).get(view, {}))
                 if places and kind == FIDUCIAL:
                     found = self.numbers(view, kind)
                     views[view] = {"hidden": [n for n in numbers[kind] if n not in found]}
@@ -178,10 +181,12 @@ class AimedMarks:
         found = {n: steps for (of, n), steps in self.of(view).items() if of == FIDUCIAL}
         return AimedPerson(found) if found else None
 
-    def _sorted(self, view: str, kind: str) -> Iterator[list[int]]:
-        for (of, _), steps in sorted(self._found.get(view, {}).items()):
-            if of == kind:
-                yield list(steps)
+    def _places(self, view: str, kind: str, predicted: Mapping[Name, Steps]) -> list[list[int]]:
+        """List a view's places of a kind, by their numbers."""
+        found = self._found.get(view, {})
+        foreseen = predicted if found and kind in (CIRCLE, CORNER) else {}
+        every = {**foreseen, **found}
+        return [list(every[name]) for name in sorted(every) if name[0] == kind]
 
     def _step(
         self, source: list[MarkChange], sink: list[MarkChange], forwards: bool

@@ -1,15 +1,19 @@
 """Predictions from the marks of a view: where the next ones lie, how far each is off, and outlines.
 
-Places whose coordinates are known, circles and fiducials, give a rough pose from the third on
-(`sldvexp.pose.Aiming`). By it the outlines of the calibration object and of the structure are
-drawn, and the region that is imaged is the box of DAC steps around the structure's surface.
+A view whose rough pose the scan has is predicted by that at once, and better with every mark
+(`sldvexp.laser.corrected_pose`). Without one, places whose coordinates are known, circles and
+fiducials, give a pose from the third on (`sldvexp.pose.Aiming`); with four or more marks that pose
+is taken in any case. By it the outlines of the calibration object and of the structure are drawn.
+The region that is imaged is the box around the scan's `corners_at` as seen, or else around the
+structure's surface.
 """
 
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -17,14 +21,21 @@ import numpy as np
 from sldvexp.config.experiment import Experiment
 from sldvexp.console.marks import CIRCLE, CORNER, FIDUCIAL, Name, Steps, parts_of
 from sldvexp.errors import UserError
-from sldvexp.geometry import rotation_from_euler
+from sldvexp.geometry import KnownPose, euler_from_rotation, rotation_from_euler
+from sldvexp.laser import corrected_pose
 from sldvexp.pose import Aiming, AimingPlace
+from sldvexp.pose.rough_pose import RoughPose, predicted_steps
 from sldvexp.scan.by_hand import ByHand
+from sldvexp.scan.rectangle import Rectangle, ScanRegion
 from sldvexp.session.by_person import known_marks
 from sldvexp.targets import Circles
 from sldvexp.targets.base import std_of_bound
 from sldvexp.typing import Array, IntArray
 
+#: Marks from which on their own pose is surer than a rough one.
+SURE = 4
+#: Distance by which a rough pose may be wrong, m.
+NEAR = 0.3
 #: Points of a circle's outline, and of a structure's at most.
 ROUND, MOST = 24, 200
 
@@ -64,49 +75,100 @@ class Outlook:
         self.laser = experiment.laser
         self.wanted = wanted
         self.places = known_places(experiment, wanted)
+        self.rough = experiment.scan.rough_poses()
         target, volume = experiment.target, experiment.volume
         self.rims = circle_rims(target) if isinstance(target, Circles) else []
         self.structure = [] if volume is None else surface_outlines(volume)
+        parts = (p for p in parts_of(experiment).values() if isinstance(p, Rectangle))
+        self.region = next((part for part in parts if part.corners_at), None)
 
-    def of(self, marks: Mapping[Name, Steps]) -> Foresight:
-        """Tell what the marks of a view tell."""
-        found = Foresight()
+    def of(self, marks: Mapping[Name, Steps], view: str) -> Foresight:
+        """Tell what the marks of a view tell, and its rough pose."""
+        known = {name: marks[name] for name in self.places if name in marks}
         aiming = Aiming(self.laser, list(self.places.values()))
-        for name, place in self.places.items():
-            if name in marks:
-                aiming.take(place.name, marks[name])
-        if not aiming.pose:
-            found.told = aiming.weakness() or aiming.contradiction()
-            return found
+        for name, steps in known.items():
+            aiming.take(self.places[name].name, steps)
+        if view in self.rough and len(known) < SURE and self._near(view, aiming.poses):
+            return self._by_rough_pose(known, view, aiming.contradiction())
+        if aiming.pose is None:
+            return Foresight(told=aiming.weakness() or aiming.contradiction())
+        found = self._foreseen(aiming.poses)
         for name, place in self.places.items():
             if name in marks and (off := aiming.residual(place.name)) is not None:
                 found.residual[name] = float(np.hypot(*off.steps))
-            try:
+            with suppress(UserError):  # it cannot be seen from here, or nobody knows yet
                 found.predicted[name] = aiming.predict(place.name).steps
-            except UserError:  # it cannot be seen from here
-                continue
-        found.outlines = [self._seen(aiming, rim) for rim in (*self.rims, *self.structure)]
-        found.predicted |= self._corners(found.outlines[len(self.rims) :])
-        x, y, z = aiming.pose.origin
         std = np.sqrt(np.diag(aiming.pose.covariance)[3:]).max()
-        told = f"The instrument stands at about ({x:.2f}, {y:.2f}, {z:.2f}) m +- {std:.2g}."
+        told = f"The instrument stands at about {_metres(aiming.pose.origin)} m +- {std:.2g}."
         wrong = aiming.contradiction() or aiming.weakness()
         found.told = f"{told} But {wrong}." if wrong else told
         return found
 
-    def _seen(self, aiming: Aiming, points: Array) -> Array:
-        dac, _ = aiming.steps_at(points)
-        return dac[np.isfinite(dac).all(axis=1)]
+    def _near(self, view: str, poses: Sequence[RoughPose]) -> bool:
+        """Tell whether a view's rough pose is among those that few marks allow."""
+        place = self.rough[view].place
+        return not poses or any(np.linalg.norm(pose.origin - place) < NEAR for pose in poses)
 
-    def _corners(self, structure: list[Array]) -> dict[Name, Steps]:
+    def _by_rough_pose(self, known: Mapping[Name, Steps], view: str, wrong: str) -> Foresight:
+        """Predict by a view's rough pose, corrected by the marks that there are."""
+        pose = self.rough[view].rotation, self.rough[view].place
+        if known:
+            points = np.array([self.places[name].position for name in known])
+            pose = corrected_pose(points, np.array(list(known.values()), float), *pose, self.laser)
+        found = self._foreseen([RoughPose(*pose, np.zeros((6, 6)), cost=0, dof=0, probability=1)])
+        place = f"the instrument stands at about {_metres(pose[1])} m."
+        if not known:
+            searched = " Circles are searched from there: scan at once," if self.rims else " Scan,"
+            found.told = (
+                f"By the scan's rough pose {place}{searched} or take marks where they are known."
+            )
+        else:
+            count = f"{len(known)} mark{'s' * (len(known) > 1)}"
+            found.told = f"By the scan's rough pose, corrected by {count}, {place}"
+        found.told += f" But {wrong}." if wrong else ""
+        return found
+
+    def _foreseen(self, poses: Sequence[RoughPose]) -> Foresight:
+        """Predict all places, outlines and corners by the likeliest poses."""
+
+        def seen(points: Array) -> Array:
+            return predicted_steps(poses, points, self.laser)[0]
+
+        found = Foresight()
+        for name, place in self.places.items():
+            dac = seen(place.position[None])[0]
+            if np.isfinite(dac).all():
+                found.predicted[name] = (round(float(dac[0])), round(float(dac[1])))
+        outlines = [seen(points) for points in (*self.rims, *self.structure)]
+        found.outlines = [dac[np.isfinite(dac).all(axis=1)] for dac in outlines]
+        if CORNER in self.wanted:
+            corners = self._region(poses[0]) or self._box(found.outlines[len(self.rims) :])
+            found.predicted |= {(CORNER, k): (u, v) for k, (u, v) in enumerate(corners, 1)}
+        return found
+
+    def _region(self, pose: RoughPose) -> list[list[int]]:
+        """Say the corners of the scan's own region; none if it has none, or not all is seen."""
+        if self.region is None:
+            return []
+        at = KnownPose(euler_from_rotation(pose.rotation).tolist(), pose.origin.tolist())
+        with suppress(UserError):
+            only = replace(self.region, views={"seen": ScanRegion(pose=at)})
+            return only.aimed(self.laser, None).views["seen"].corners
+        return []
+
+    def _box(self, structure: list[Array]) -> list[tuple[int, int]]:
         """Lay the box of the region that is imaged around the structure."""
-        if CORNER not in self.wanted or not structure or not all(len(s) for s in structure):
-            return {}
+        if not structure or not all(len(s) for s in structure):
+            return []
         low, high = self.laser.board.value
         seen = np.clip(np.concatenate(structure), low, high)
         a, b = np.floor(seen.min(axis=0)).astype(int), np.ceil(seen.max(axis=0)).astype(int)
-        corners = [(a[0], a[1]), (a[0], b[1]), (b[0], b[1]), (b[0], a[1])]
-        return {(CORNER, k): (int(u), int(v)) for k, (u, v) in enumerate(corners, 1)}
+        box = (a[0], a[1]), (a[0], b[1]), (b[0], b[1]), (b[0], a[1])
+        return [(int(u), int(v)) for u, v in box]
+
+
+def _metres(point: Array) -> str:
+    return "(" + ", ".join(f"{x:.2f}" for x in point) + ")"
 
 
 def known_places(

@@ -11,6 +11,7 @@ import queue
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from itertools import groupby
 from typing import Any
 
@@ -19,9 +20,10 @@ from numpy.typing import NDArray
 
 from sldvexp.config.experiment import Experiment
 from sldvexp.console.board import NoticeBoard
-from sldvexp.scan import ImageScan
+from sldvexp.scan import ImageScan, Scan
+from sldvexp.scan.calibration import CalibrationScan
 from sldvexp.session import LineDone
-from sldvexp.session.watching import complex_pixels
+from sldvexp.session.watching import SEARCH, pixels_of
 from sldvexp.signal import Flag
 from sldvexp.typing import IntArray
 
@@ -31,9 +33,26 @@ log = logging.getLogger(__name__)
 GATHERED = 0.1
 #: Side of the square in which an image is drawn, over its own.
 AROUND = 1.06
+#: The same where a rough pose tells about the image, and where a search goes on beyond this.
+ROUGHLY, GROWN = 1.2, 1.6
+#: Kind of the part that scans circles.
+CIRCLES = CalibrationScan.kind
 MILLI = 1e3
 
 Square = tuple[list[int], list[int]]
+
+
+@dataclass(frozen=True, eq=False)
+class _PaintedLine:
+    """Pixels of a line: DAC steps, amplitudes and flags, and how high and wide each is drawn."""
+
+    arrays: list[NDArray[Any]]
+    tall: int
+    wide: int
+
+    @property
+    def dac(self) -> NDArray[Any]:
+        return self.arrays[0].reshape(-1, 2)
 
 
 class Painter:
@@ -61,6 +80,9 @@ class Painter:
         self.flagged: dict[Flag, int] = {}
         self.bad: dict[str, dict[int, float]] = {}
         self._view = self._shown = ""
+        self._squares: dict[str, Square] = {}  # of pictures of this view
+        self._kept: dict[str, list[_PaintedLine]] = {}  # of these, to be shown again
+        self._aimed: Scan | None = None
         self._lines: queue.Queue[LineDone | None] = queue.Queue()
         board.begin("image")
         self._thread = threading.Thread(target=self._work, name="painter", daemon=True)
@@ -103,66 +125,122 @@ class Painter:
         first = lines[0]
         if first.view != self._view:
             self._view, self.flagged, self.bad = first.view, {}, {}
-        image = complex_pixels(first.signal, first.acquisition, [line.samples for line in lines])
-        flags = image.flags.astype(np.uint8)
-        value = MILLI * np.abs(image.velocity[:, 0])
-        value = np.where(np.isfinite(value), value, 0.0).astype(np.float32)
-        shown = f"{first.view} {first.lines}"
-        square, rows = self._square(first), self._rows(first)
-        if shown != self._shown:
-            self._shown = shown
-            self._board.begin("image", low=square[0], high=square[1], name=shown)
+            self._squares, self._kept = {}, {}
+        value, flags = painted_values(*lines)
         ends = np.cumsum([len(line.dac) for line in lines])[:-1]
+        parts = []
         for line, v, f in zip(lines, np.split(value, ends), np.split(flags, ends), strict=True):
             self.bad.setdefault(line.lines, {})[line.number] = float(np.mean(f != 0))
-            tall, wide = spacing(line.dac, square, rows)
-            arrays: list[NDArray[Any]] = [line.dac.astype(np.int32).ravel(), v, f]
-            self._board.add("image", arrays, tall=tall, wide=wide)
+            size = pitch(line.dac) if line.searches else self._size(line)
+            parts.append(_PaintedLine([line.dac.astype(np.int32).ravel(), v, f], *size))
+        self._show(first, parts)
         for flag in Flag:
             self.flagged[flag] = self.flagged.get(flag, 0) + int(np.sum(flags & flag != 0))
 
+    def _show(self, line: LineDone, parts: list[_PaintedLine]) -> None:
+        """Add parts to the picture that is shown; begin another one if they are none of it.
+
+        Lines of a circle are one picture, also if others were scanned between them, and so are
+        those that search circles: it grows with them.
+        """
+        shown = f"{line.view} {SEARCH if line.searches else line.lines.partition('_')[0]}"
+        before = self._kept.setdefault(shown, []) if line.kind == CIRCLES else []
+        square = self._squares.get(shown) or self._square(line)
+        if line.searches:
+            dac = np.concatenate([part.dac for part in (*before, *parts)])
+            if (dac < square[0]).any() or (dac >= square[1]).any():
+                square = square_around(dac, GROWN)
+        added = parts
+        if shown != self._shown or square != self._squares.get(shown):
+            self._board.begin("image", low=square[0], high=square[1], name=shown)
+            self._shown, self._squares[shown] = shown, square
+            added = [*before, *parts]
+        for part in added:
+            self._board.add("image", part.arrays, tall=part.tall, wide=part.wide)
+        before += parts
+
     def _image_scan(self, line: LineDone) -> ImageScan | None:
         """Find the part of the scan whose pixels are known beforehand, if the line is of it."""
-        parts = self._experiment.scan.parts(line.view)
+        if self._aimed is None:
+            e = self._experiment
+            self._aimed = e.scan.aimed(e.laser, e.target)
+        parts = self._aimed.parts(line.view)
         images = (p for p in parts if isinstance(p, ImageScan) and p.kind == line.kind)
         return next(images, None)
 
-    def _rows(self, line: LineDone) -> int:
-        """Count the rows of the grid of pixels that a line is of; 0 if of none."""
+    def _size(self, line: LineDone) -> tuple[int, int]:
+        """Find how high and wide a pixel of a line is drawn, DAC steps, so that it meets the next.
+
+        Rows of a grid are the same distance apart.
+        """
+        along = spacing(line.dac)
         part = self._image_scan(line)
-        shape = part.shape(line.view) if part else None
-        return shape[0] if shape else 0
+        if part is None or not part.shape(line.view):
+            return along, along
+        rows = part.lines(line.view)
+        apart = abs(rows[-1][0, 0] - rows[0][0, 0]) / max(len(rows) - 1, 1)
+        return max(int(np.ceil(apart)), 1), along
 
     def _square(self, line: LineDone) -> Square:
         """Find a square of DAC steps around all lines of an image, or around this line."""
         part = self._image_scan(line)
         dac = part.known_pixels(line.view) if part else line.dac
-        low, high = dac.min(axis=0), dac.max(axis=0)
-        side = int(AROUND * (high - low).max()) + 2
-        low = ((low + high - side) // 2).astype(int)
-        return low.tolist(), (low + side).tolist()
+        rough = line.view in self._experiment.scan.rough_poses()  # the circles have corrected it
+        return square_around(dac, ROUGHLY if rough else AROUND)
+
+
+def painted_values(*lines: LineDone) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
+    """Compute amplitudes, mm/s, and flags of the pixels of lines that were scanned alike."""
+    first = lines[0]
+    image = pixels_of(first.signal, first.acquisition, [line.samples for line in lines])
+    value = MILLI * np.abs(image.velocity[:, 0])
+    return (
+        np.where(np.isfinite(value), value, 0.0).astype(np.float32),
+        image.flags.astype(np.uint8),
+    )
+
+
+def square_around(dac: IntArray, wider: float) -> Square:
+    """Find a square of DAC steps around pixels, wider than these by a factor."""
+    low, high = dac.min(axis=0), dac.max(axis=0)
+    side = int(wider * (high - low).max()) + 2
+    low = ((low + high - side) // 2).astype(int)
+    return low.tolist(), (low + side).tolist()
+
+
+def pitch(dac: IntArray) -> tuple[int, int]:
+    """Find how far pixels of a ring around a predicted circle are apart, along both mirrors.
+
+    Examples
+    --------
+    >>> pitch(np.array([[0, 0], [0, 7], [0, 14], [5, 0], [5, 14]]))
+    (5, 7)
+    """
+    up, left = (np.diff(np.unique(dac[:, k])) for k in (0, 1))
+    return _median(up), _median(left)
+
+
+def _median(distances: NDArray[Any]) -> int:
+    return int(np.ceil(np.median(distances))) if len(distances) else 1
 
 
 def _alike(lines: Sequence[LineDone]) -> Iterator[list[LineDone]]:
     """Yield lines that follow one another and were scanned alike, in their order."""
 
     def how(line: LineDone) -> tuple[object, ...]:
-        return line.view, line.lines, line.acquisition, line.samples.rate
+        return line.view, line.lines, line.acquisition, getattr(line.samples, "rate", None)
 
     for _, together in groupby(lines, how):
         yield list(together)
 
 
-def spacing(dac: IntArray, square: Square, rows: int) -> tuple[int, int]:
-    """Find how high and wide a pixel of a line is drawn, DAC steps, so that it meets the next.
+def spacing(dac: IntArray) -> int:
+    """Find how far pixels of a line are apart, DAC steps.
 
-    Parameters
-    ----------
-    rows : int
-        Of a grid of pixels whose row the line is; 0 of a line alone.
+    Examples
+    --------
+    >>> spacing(np.array([[0, 0], [3, 5], [6, 10]]))
+    5
     """
     steps = np.abs(np.diff(dac, axis=0))
-    along = max(int(np.ceil(np.median(steps.max(axis=1)))), 1) if len(steps) else 1
-    if not rows:
-        return along, along
-    return max(int(np.ceil((square[1][0] - square[0][0]) / rows)), 1), along
+    return max(int(np.ceil(np.median(steps.max(axis=1)))), 1) if len(steps) else 1

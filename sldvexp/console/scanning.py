@@ -8,23 +8,25 @@ somebody steers again and says to go on.
 from __future__ import annotations
 
 import queue
+import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
 
 from sldvexp.config.experiment import Experiment
-from sldvexp.console.afterwards import Advise, Afterwards
+from sldvexp.console.afterwards import Advice, Advise, Afterwards
 from sldvexp.console.board import NoticeBoard
 from sldvexp.console.marks import AimedMarks, AimedPerson
 from sldvexp.console.painting import Painter
 from sldvexp.lazy import xarray as xr
+from sldvexp.pipeline.run_progress import ScanProgress
+from sldvexp.progress import span
 from sldvexp.session import LineDone, Operator, ViewAhead, Watcher, Wish
+from sldvexp.session.watching import in_words
 
 #: Part of a line's pixels that must not be trusted for it to be a bad one.
 BAD = 0.2
-#: Seconds that are told as such; more are minutes.
-SECONDS, MINUTES = 90, 90
 
 
 class Scanning(Watcher):
@@ -36,7 +38,9 @@ class Scanning(Watcher):
     board : NoticeBoard
     wishes : queue of dict
     advise : callable, optional
-        Sentences on what to do after a view, see `sldvexp.console.afterwards`.
+        Says what to do after a view, see `sldvexp.console.afterwards`.
+    advised : callable, optional
+        Gets that.
 
     Attributes
     ----------
@@ -50,19 +54,19 @@ class Scanning(Watcher):
         board: NoticeBoard,
         wishes: queue.Queue[dict[str, Any]],
         advise: Advise | None = None,
+        advised: Callable[[Advice], None] | None = None,
     ) -> None:
         self.board, self.wishes = board, wishes
         self.stopped = self.lost = self.paused = False
         self._running, self._between, self._why = True, False, ""
         self._rest: Callable[[], None] | None = None
         self._step = ""
-        self._views: tuple[ViewAhead, ...] = ()
         self._view: ViewAhead | None = None
-        self._pixels = self._scanned = 0
-        self._began, self._waited = time.monotonic(), 0.0
+        self._progress: ScanProgress | None = None
+        self._lock = threading.Lock()  # of the progress, of which the painter's thread tells too
         self._last: LineDone | None = None
         self._painter = Painter(experiment, board, self._tell)
-        self._afterwards = Afterwards(experiment, self._tell_done, advise, self._tell_advice)
+        self._afterwards = Afterwards(experiment, self._tell_done, advise, advised)
         board.tell("done", [])
 
     # ---- what a session tells ----
@@ -74,9 +78,8 @@ class Scanning(Watcher):
 
     def session_begun(self, views: tuple[ViewAhead, ...]) -> None:
         """See `Watcher`."""
-        self._views, self._between = views, True
-        self._pixels = self._scanned = 0
-        self._began, self._waited = time.monotonic(), 0.0
+        self._between = True
+        self._progress = ScanProgress(views, time.monotonic)
 
     def session_done(self) -> None:
         """See `Watcher`."""
@@ -86,6 +89,9 @@ class Scanning(Watcher):
     def view_begun(self, view: ViewAhead) -> None:
         """See `Watcher`."""
         self._view, self._rest, self._last = view, None, None
+        with self._lock:
+            if self._progress is not None:
+                self._progress.view_begun(view)
         self._tell()
 
     def arrived(self, rest: Callable[[], None]) -> None:
@@ -95,26 +101,42 @@ class Scanning(Watcher):
     def line_done(self, line: LineDone) -> None:
         """See `Watcher`."""
         self._last = line
-        if not line.again:
-            self._pixels += len(line.dac)
-            self._scanned += 0 if line.kept else len(line.dac)
+        with self._lock:
+            if self._progress is not None:
+                self._progress.line_done(line)
         self._painter.put(line)
 
     def view_done(self, view: ViewAhead, groups: Mapping[str, xr.Dataset]) -> None:
         """See `Watcher`."""
+        with self._lock:
+            if self._progress is not None:
+                self._progress.view_done(view)
         self._afterwards.view_done(view.name, groups)
 
     def between_lines(self, view: str, lines: str, done: int, count: int) -> Wish:
         """See `Watcher`."""
+        with self._lock:
+            if self._progress is not None:
+                self._progress.between_lines(lines, done, count)
         while True:
-            began = time.monotonic()
             try:
-                wish = self.wishes.get() if self.paused else self.wishes.get_nowait()
+                with self.asking(lines):
+                    wish = self.wishes.get() if self.paused else self.wishes.get_nowait()
             except queue.Empty:
                 return Wish()
-            self._waited += time.monotonic() - began
             if (made := self._heed(wish, lines, done)) is not None:
                 return made
+
+    @contextmanager
+    def asking(self, request: str) -> Iterator[None]:
+        """See `Watcher`; the time in it is none of the scan's."""
+        began = time.monotonic()
+        try:
+            yield
+        finally:
+            with self._lock:
+                if self._progress is not None:
+                    self._progress.waited += time.monotonic() - began
 
     def end(self) -> None:
         """Tell that nothing is scanned any more."""
@@ -165,49 +187,43 @@ class Scanning(Watcher):
     def _tell_done(self, told: Mapping[str, list[str]]) -> None:
         self.board.tell("done", [{"name": name, "told": told[name]} for name in told])
 
-    def _tell_advice(self, told: list[str]) -> None:
-        self.board.tell("planned", told)
-
     def _tell(self) -> None:
         """Tell how far the scan is; in any thread."""
-        total = sum(view.pixels for view in self._views)
-        part = self._pixels / total if total else 0.0
+        done = total = 0
+        part, left = 0.0, None
+        with self._lock:
+            if (progress := self._progress) is not None:
+                done, total = progress.tally.done.total(), progress.tally.total.total()
+                part, left = progress.share, progress.seconds_left
         steerable = self._running and self._between
         word = {"running": steerable, "paused": self.paused, "part": part}
-        self.board.tell("scan", word | {"told": self._sentence(part), "facts": self._facts(total)})
+        told = {"told": self._sentence(part, left), "facts": self._facts(done, total)}
+        self.board.tell("scan", word | told)
 
-    def _facts(self, total: int) -> dict[str, str]:
+    def _facts(self, done: int, total: int) -> dict[str, str]:
         facts: dict[str, str] = {"step": self._step}
         view, line = self._view, self._last
         if view is not None and total:
             facts["view"] = f"{view.name}, {view.number} of {view.count}"
-            facts["pixels"] = f"{self._pixels} of {total}"
+            facts["pixels"] = f"{done} of {total}"
         if line is not None:
             velocity, reference = line.level
-            facts["lines"] = f"{line.lines.replace('_', ' ')}, line {line.number} of {line.count}"
+            facts["line"] = in_words(line.lines, line.number, line.count)
             facts["level"] = f"velocity {velocity:.3g} V, reference {reference:.3g} V"
         for flag, count in list(self._painter.flagged.items()) if total else ():
             if count:
                 facts[str(flag.name).replace("_", " ")] = f"{count} pixels of this view"
         return facts
 
-    def _sentence(self, part: float) -> str:
+    def _sentence(self, part: float, left: float | None) -> str:
         if not self._running:
             return "Nothing is scanned now."
         if self.paused:
             return self._why
-        left = self._left()
         if not self._between:
             return f"{self._step} …"
-        time_left = f", {in_words(left)} left" if left is not None and part < 1 else ""
+        time_left = f", {span(left)} left" if left is not None and part < 1 else ""
         return f"{self._step}: {100 * part:.0f} % of the scan{time_left}"
-
-    def _left(self) -> float | None:
-        """Estimate how long the scan still takes, s, by the pixels that were scanned so far."""
-        if not self._scanned:
-            return None
-        ahead = sum(view.pixels - view.kept for view in self._views) - self._scanned
-        return max(ahead, 0) * (time.monotonic() - self._began - self._waited) / self._scanned
 
 
 class Asked(Operator):
@@ -241,7 +257,8 @@ class Asked(Operator):
         scanning.board.tell("ask", {"text": text, "answer": "Enter" not in request})
         try:
             while True:
-                wish = scanning.wishes.get()
+                with scanning.asking(request):
+                    wish = scanning.wishes.get()
                 if wish["do"] == "answer" and isinstance(wish.get("text"), str):
                     return str(wish["text"]).strip()
                 if wish["do"] in ("lost", "taken"):
@@ -251,17 +268,3 @@ class Asked(Operator):
                     raise KeyboardInterrupt
         finally:
             scanning.board.tell("ask", None)
-
-
-def in_words(seconds: float) -> str:
-    """Say a time as people do.
-
-    Examples
-    --------
-    >>> in_words(42), in_words(240), in_words(5400)
-    ('42 s', '4 min', '1 h 30 min')
-    """
-    if seconds < SECONDS:
-        return f"{seconds:.0f} s"
-    minutes = round(seconds / 60)
-    return f"{minutes} min" if minutes < MINUTES else f"{minutes // 60} h {minutes % 60} min"

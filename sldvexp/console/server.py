@@ -72,6 +72,8 @@ class Server:
         Gets what the controller wants, and `LOST` when it has gone.
     page_of_run : callable
         Gives the page of the run that was finished last, None if there is none.
+    plan : callable
+        Gives the figure of the plan that was made last, as PNG; empty if there is none.
     port : int
         0 takes a free one.
     token : str, optional
@@ -83,10 +85,12 @@ class Server:
         board: NoticeBoard,
         wishes: queue.Queue[Wish],
         page_of_run: Callable[[], Path | None],
+        plan: Callable[[], bytes] = bytes,
         port: int = 0,
         token: str | None = None,
     ) -> None:
-        self.board, self.wishes, self.page_of_run = board, wishes, page_of_run
+        self.board, self.wishes = board, wishes
+        self.page_of_run, self.plan = page_of_run, plan
         self.token = token or secrets.token_urlsafe(24)
         self.controller: WebSocket | None = None
         try:
@@ -135,6 +139,7 @@ class Server:
             routes=[
                 Route("/{token}/", self._file),
                 Route("/{token}/run.html", self._page_of_run),
+                Route("/{token}/plan.png", self._plan),
                 Route("/{token}/{name}", self._file),
                 WebSocketRoute("/{token}/talk", self._talk),
             ]
@@ -152,10 +157,18 @@ class Server:
 
     async def _page_of_run(self, request: Request) -> Response:
         """Give the page of the run that was finished last."""
-        page = self.page_of_run()
-        if not self._known(request.path_params["token"]) or page is None or not page.is_file():
+        known = self._known(request.path_params["token"])  # first: a stranger has nothing looked up
+        page = self.page_of_run() if known else None
+        if page is None or not page.is_file():
             return PlainTextResponse(NOT_HERE, 404)
         return FileResponse(page, headers={"content-security-policy": APART})
+
+    async def _plan(self, request: Request) -> Response:
+        """Give the figure of the plan that was made last."""
+        figure = self.plan() if self._known(request.path_params["token"]) else b""
+        if not figure:
+            return PlainTextResponse(NOT_HERE, 404)
+        return Response(figure, media_type="image/png")
 
     async def _talk(self, browser: WebSocket) -> None:
         """Speak with one browser until it goes."""

@@ -8,20 +8,13 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import yaml
-
+from sldvexp.config.own_files import choice_text, own_path, write_own, wrong_name
 from sldvexp.errors import UserError
-from sldvexp.writing import make_folder, whole_or_nothing
 
 #: Choice of an experiment on the command line.
 CHOICE = re.compile(r"\+?experiment=(.+)")
-#: Names that are both a file's and a choice on the command line.
-NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,63}")
-
-HEAD = """# @package _global_
-# Aimed with sldvexp console. DAC steps are (up_down, left_right).
-#   sldvexp --config-dir {folder} {settings}
-"""
+#: What the file says of itself.
+TOLD = "Aimed with sldvexp console. DAC steps are (up_down, left_right)."
 
 
 def write_experiment(
@@ -56,22 +49,29 @@ def write_experiment(
     UserError
         If the name cannot be one, or there is such a file already.
     """
-    if not NAME.fullmatch(name):
-        raise UserError(f"{name!r} cannot be the name of an experiment; take letters and digits")
-    path = folder / "experiment" / f"{name}.yaml"
-    if path.exists() and not replace:
-        raise UserError(f"{path}: is there already; take another name, or replace it")
+    if wrong := wrong_name(name):
+        raise UserError(f"{name!r} {wrong}")
     base = [match[1] for text in settings if (match := CHOICE.fullmatch(text))]
     if name in base:
         raise UserError(f"{name}: an experiment cannot be made of itself; take another name")
-    content: dict[str, Any] = {"defaults": [*(f"/experiment/{b}" for b in base), "_self_"]}
-    content["scan"] = scan
-    text = yaml.dump(content, default_flow_style=None, sort_keys=False, width=100)
-    make_folder(path.parent)
-    line = shlex.join(settings_with(settings, name))
-    with whole_or_nothing(path) as beside:
-        beside.write_text(HEAD.format(folder=shlex.quote(str(folder)), settings=line) + text)
+    defaults = [*(f"/experiment/{b}" for b in base), "_self_"]
+    told = [TOLD, f"  {command_with(folder, settings, name)}"]
+    path = own_path(folder, "experiment", name)
+    text = choice_text(told, defaults, {"scan": scan}, apart=True)
+    write_own({path: text}, replace, "take another name, or replace it")
     return path
+
+
+def command_with(folder: Path, settings: Sequence[str], name: str) -> str:
+    """Give the command that scans what was aimed.
+
+    Examples
+    --------
+    >>> command_with(Path("my lab"), ["experiment=plate"], "aimed")
+    "sldvexp --config-dir 'my lab' experiment=aimed"
+    """
+    words = ["--config-dir", str(folder), *settings_with(settings, name)]
+    return f"sldvexp {shlex.join(words)}"
 
 
 def settings_with(settings: Sequence[str], name: str) -> list[str]:

@@ -71,6 +71,16 @@ EXAMINED: dict[str, dict[str, Variable]] = {
         "agrees": _V("gage [frequency]", "1", "1 where the difference is no surprise"),
         "true_strain": _V("gage [frequency]", "1", "strain that the virtual lab's plate has there"),
     },
+    "examined/image_truth": {
+        "bias": _V("view frequency", "1", "common factor by which pixels are off", label="bias"),
+        "bias_std": _V("view frequency", "1", "its standard error, of each part"),
+        "covered": _V(
+            "view frequency", "1", "share of the intervals that hold the truth", label="covered"
+        ),
+        "largest_bias": _V("view", "1", "largest bias at a line where more moves than beside it"),
+        "covered_in_all": _V("view", "1", "share covered of all lines"),
+        "flagged": _V("view", "1", "share of the pixels that are flagged"),
+    },
     "examined/kreis": {
         "rcond": _V("method", "1", "reciprocal condition number in the 1-norm"),
         "hadamard": _V("method", "1", "Hadamard condition number"),

@@ -82,6 +82,14 @@ VARIABLES: dict[str, dict[str, Variable]] = {
         "harmonic_p_value": _V(
             "pixel channel harmonic", "1", "probability of such an F without that harmonic"
         ),
+        "reference_amplitude": _V(
+            "[frequency]", "V", "amplitude of the reference to which the velocity belongs"
+        ),
+        "coherence": _V(
+            "pixel [frequency]", "1", "share of the response that is the reference's, g^2"
+        ),
+        "records": _V("pixel", "1", "good records behind the pixel"),
+        "left_out": _V("pixel fault", "1", "records that have the fault and were left out"),
         "scale_std": _V(
             "[frequency]", "1", "standard error of a factor that all pixels of a mode share"
         ),
@@ -128,6 +136,71 @@ VARIABLES: dict[str, dict[str, Variable]] = {
         "candidate_damping": _V("candidate", "1", "its damping ratio"),
         "candidate_stable": _V("candidate", "1", "1 where the order below has it too"),
         "candidate_mode": _V("candidate", "1", "number of its mode; 0 of none"),
+    },
+    "model": {
+        "pair": _V("mode", "1", "number of the model's mode that is this one; 0 of none"),
+        "measured_frequency": _V("mode", "Hz", "measured natural frequency"),
+        "measured_frequency_std": _V("mode", "Hz", "its standard error"),
+        "model_frequency": _V("model_mode", "Hz", "natural frequency of the model"),
+        "model_frequency_std": _V(
+            "model_mode", "Hz", "its standard uncertainty from tolerances and mesh"
+        ),
+        "difference": _V("mode", "1", "ln of measured over the model's frequency"),
+        "mac": _V("mode model_mode", "1", "MAC over all pixels, weighted by their noise"),
+        "mac_of_pair": _V("mode", "1", "MAC with the paired mode"),
+        "mac_expected": _V("mode", "1", "its expected value if the model is right"),
+        "mac_std": _V("mode", "1", "its standard deviation then"),
+        "scale": _V("mode", "m/s", "modal velocity per m of the model's shape"),
+        "scale_std": _V("mode", "m/s", "its standard error, per real and imaginary part"),
+        "imaginary_share": _V("mode", "1", "imaginary part of the scale over its modulus"),
+        "chi2": _V("mode", "1", "weighted squares of measured minus the model's shape"),
+        "dof": _V("mode", "1", "their degrees of freedom"),
+        "p_value": _V("mode", "1", "probability of such a chi2 if the shape is right"),
+        "directed_chi2": _V("mode", "1", "part of it that other shapes of the model explain"),
+        "directed_dof": _V("mode", "1", "its degrees of freedom"),
+        "directed_p_value": _V("mode", "1", "probability of such a part if the shape is right"),
+        "mixed": _V("mode model_mode", "1", "share of the model's other modes in the measured one"),
+        "mixed_std": _V("mode model_mode", "1", "its standard error, per part"),
+        "shapes_p_value": _V("", "1", "probability of the chi2 of all shapes, poses in common"),
+        "shapes_directed_p_value": _V("", "1", "the same of the directed part"),
+        "frequencies_chi2": _V("", "1", "squares of all differences over their covariance"),
+        "frequencies_p_value": _V("", "1", "probability of such squares if the model is right"),
+        "common_difference": _V("", "1", "difference of all frequencies in common"),
+        "common_difference_std": _V("", "1", "its standard uncertainty, tolerances included"),
+        "common_p_value": _V("", "1", "probability of such a difference if the model is right"),
+        "sensitivity": _V("model_mode parameter", "1", "d ln frequency / d ln parameter"),
+        "tolerance": _V("parameter", "1", "relative standard uncertainty of the parameter"),
+        "unseen": _V(
+            "parameter", "1", "relative error of the parameter below which it stays unseen"
+        ),
+        "factor": _V("adjusted", "1", "factor on the parameter that fits the frequencies"),
+        "factor_std": _V("adjusted", "1", "its relative standard error"),
+        "factor_covariance": _V("adjusted adjusted2", "1", "covariance of ln of the factors"),
+        "adjusted_value": _V("adjusted", "as the parameter", "parameter that fits"),
+        "adjusted_value_std": _V("adjusted", "as the parameter", "its standard error"),
+        "adjusted_p_value": _V("", "1", "probability of what the adjusted model leaves"),
+        "line_frequency": _V("line", "Hz", "frequency of the measured line"),
+        "csac": _V("line", "1", "CSAC: measured against the model's response over all pixels"),
+        "csac_expected": _V("line", "1", "its expected value if the model is right"),
+        "csac_std": _V("line", "1", "its standard deviation then"),
+    },
+    "model/shape": {
+        "position": _V("node axis", "m", "node of the surface seen, in the world"),
+        "triangle": _V("triangle corner", "1", "nodes of the elements and their halves, from 0"),
+        "shape": _V("node component shape_mode", "m", "mode shape of the model there"),
+        "velocity": _V("node component paired_mode", "m/s", "measured mode expanded to the node"),
+        "velocity_std": _V("node component paired_mode", "m/s", "its standard error, per part"),
+    },
+    "model/image": {
+        "velocity": _V("pixel paired_mode", "m/s", "the model's mode, scaled to the measured one"),
+        "residual": _V("pixel paired_mode", "m/s", "measured minus that"),
+        "position": _V("pixel axis", "m", "where the beam meets the model"),
+        "comac": _V("pixel", "1", "CoMAC over the paired modes"),
+        "comac_expected": _V("pixel", "1", "its expected value if the model is right"),
+        "comac_std": _V("pixel", "1", "its standard deviation then"),
+        "frac": _V("pixel", "1", "FRAC: measured against the model's response over all lines"),
+        "frac_expected": _V("pixel", "1", "its expected value if the model is right"),
+        "frac_std": _V("pixel", "1", "its standard deviation then"),
     },
     "pose": {
         "origin": _V("view axis", "m", "origin of the laser frame in the world"),

@@ -99,6 +99,8 @@ class Conventions:
         that weighs.
     reference : ReferenceUnit or None
         None if values have no reference.
+    amplitude : float or None
+        Of the reference, in its unit; None likewise.
 
     Examples
     --------
@@ -113,6 +115,7 @@ class Conventions:
     told: dict[str, str]
     odd: tuple[tuple[str, Severity], ...] = ()
     reference: ReferenceUnit | None = None
+    amplitude: float | None = None
 
     def velocity(self, values: NDArray, frequency: Array) -> ComplexArray:
         """Turn values of any shape that ends with frequency to velocities, m/s."""

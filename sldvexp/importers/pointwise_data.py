@@ -108,6 +108,12 @@ class PointwiseData:
         File of the positions if it states their unit itself.
     names : dict of int to str
         Of nodes, where the file has names.
+    amplitude : float or None
+        Of the reference in its unit, if values are response functions times that.
+    coherence : ndarray or None, shape of `velocity`
+        Of which `std` is made.
+    records : int
+        Behind each value; 0 if not known.
     """
 
     name: str
@@ -126,6 +132,9 @@ class PointwiseData:
     reference: ReferenceUnit | None = None
     places: str = ""
     names: dict[int, str] = field(default_factory=dict)
+    amplitude: float | None = None
+    coherence: Array | None = None
+    records: int = 0
 
     @property
     def measured(self) -> IntArray:
@@ -490,6 +499,7 @@ def _image(
     cosines = direction_cosines(angle, rotation)
     findings = view.findings + _turned_away(view, np.arange(len(view.node)), cosines)
     flagged = int(view.missing.sum())
+    pixels, lines = view.velocity.shape
     made = dataset.group(
         "image",
         {"frequency": view.frequency},
@@ -498,7 +508,12 @@ def _image(
         angle=angle,
         dac=dac,
         flags=view.missing.astype(np.int8),
+        reference_amplitude=None if view.amplitude is None else np.full(lines, view.amplitude),
+        coherence=view.coherence,
+        records=np.full(pixels, view.records) if view.records else None,
     )
+    if view.amplitude is not None and view.reference is not None:
+        made["reference_amplitude"].attrs["units"] = view.reference.text or "1"
     summary = f"{flagged} of {len(view.node)} pixels are flagged"
     if flagged:
         text = f"view {view.name} has not measured {flagged} of its {len(view.node)} points"

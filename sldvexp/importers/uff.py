@@ -29,7 +29,6 @@ from sldvexp.importers.uff_conventions import (
     length_unit,
 )
 from sldvexp.importers.uff_estimators import (
-    Estimator,
     coherence,
     estimate_response,
     find_reference,
@@ -41,6 +40,7 @@ from sldvexp.importers.uff_estimators import (
 from sldvexp.io.uff import Function, UniversalFile, UniversalGeometry, universal_file
 from sldvexp.io.uff.functions import DIRECTIONS, NODAL
 from sldvexp.io.uff.geometry import CARTESIAN, WORLD
+from sldvexp.signal import Estimator
 from sldvexp.typing import Array, BoolArray, ComplexArray, IndexArray
 from sldvexp.unit_labels import same_unit
 
@@ -81,7 +81,9 @@ class UffImport(PointwiseImport):
         set 55) are read if there are no functions, or as set.
     estimator : Estimator, optional
         Of response functions from cross and auto spectra: h1 by the reference's auto spectrum, h2
-        by the response's.
+        by the response's, hv by both.
+    noise_ratio : float
+        Of hv: noise power of the responses over that of the reference, in the file's units.
     nodal_axes : NodalAxes, optional
         Needed of nodal values with directions=dof if nodes have coordinate systems of their own.
     containing : str
@@ -90,8 +92,8 @@ class UffImport(PointwiseImport):
         Of the functions that are read, as ``1+Z``; needed if a file has several references.
         ``any`` if one excitation was behind them all.
     averages : int
-        Of spectra behind each response function: with it, standard errors come from the file's
-        coherence functions, or from cross and both auto spectra. 0 if not known.
+        Of spectra behind each response function, 2 or more: with it, standard errors come from the
+        file's coherence functions, or from cross and both auto spectra. 0 if not known.
     time_reference : str
         Of time records: degree of freedom of the one whose phase is zero, as ``99+Z``, or
         ``trigger`` if all begin at one phase of the excitation.
@@ -100,6 +102,7 @@ class UffImport(PointwiseImport):
     geometry: str = ""
     function: FunctionKind | None = None
     estimator: Estimator | None = None
+    noise_ratio: float = 1.0
     nodal_axes: NodalAxes | None = None
     containing: str = ""
     reference_dof: str = ""
@@ -123,6 +126,11 @@ class UffImport(PointwiseImport):
         checks.require(not both, "averages", "give either std or averages, not both")
         message = f"must be zero or a positive integer, not {self.averages}"
         checks.require(self.averages >= 0, "averages", message)
+        one = "of one spectrum no standard error can be told; leave it out, or set std"
+        checks.require(self.averages != 1, "averages", one)
+        checks.positive("noise_ratio", self.noise_ratio)
+        useless = self.noise_ratio != 1.0 and self.estimator is not Estimator.hv
+        checks.require(not useless, "noise_ratio", "has no effect without estimator: hv")
 
     def inputs(self) -> list[str]:
         """Name the universal files."""
@@ -304,6 +312,7 @@ def _view(
         frequency, values, errors = fit_phasors(settings.frequency, file, functions, reference)
         velocity = rules.velocity(values, frequency)
         std: Array | None = errors * abs(rules.velocity(np.ones(len(frequency)), frequency))
+        square = None
         if settings.std is not None:
             std = np.full(velocity.shape, settings.std)
     else:
@@ -311,13 +320,20 @@ def _view(
         values = _at_lines(file, functions, frequency, lines)
         require_witnesses_agree(file, functions, rules, frequency, lines, questions)
         if functions[0].kind == FunctionKind.cross.value:
-            made_by, containing = settings.estimator, settings.containing
+            made_by, ratio, containing = (
+                settings.estimator,
+                settings.noise_ratio,
+                settings.containing,
+            )
             values = estimate_response(
-                made_by, containing, file, functions, values, frequency, lines
+                made_by, ratio, containing, file, functions, values, frequency, lines
             )
             told = told | ({"estimator": made_by.name} if made_by else {})
         velocity = rules.velocity(values, frequency)
-        std = _std(settings, view, file, functions, velocity, frequency, lines)
+        square = _coherence(settings, view, file, functions, frequency, lines)
+        std = None if square is None else _part(velocity, square, settings.averages)
+        if settings.std is not None:
+            std = np.full(velocity.shape, settings.std)
     missing = np.asarray(~values.any(axis=1))
     axes = {"nodal_axes": settings.nodal_axes.name} if settings.nodal_axes else {}
     return PointwiseData(
@@ -333,7 +349,11 @@ def _view(
         length,
         told | axes | ({"length_unit": f"{length:g} m, {by}"} if by else {}),
         _findings(settings, name, source, rules),
+        reference=rules.reference,
         places=source.places,
+        amplitude=rules.amplitude,
+        coherence=square,
+        records=settings.averages,
     )
 
 
@@ -415,33 +435,26 @@ def _check_zeros(
         )
 
 
-def _std(
+def _coherence(
     settings: UffImport,
     view: PointwiseView,
     file: UniversalFile,
     functions: list[Function],
-    velocity: ComplexArray,
     frequency: Array,
     lines: IndexArray,
 ) -> Array | None:
-    """Find standard errors of real and imaginary part each: as set, or from the coherence g^2.
-
-    ``std = |H| sqrt((1 - g^2) / (2 n g^2))`` of n averages, for each part of H.
-    """
-    if settings.std is not None:
-        return np.full(velocity.shape, settings.std)
+    """Find the coherence g^2, of the file's functions or of its spectra; None without averages."""
     if not settings.averages:
         return None
     has_coherences = any(f.kind == COHERENCE for f in file.functions)
     if functions[0].kind == FunctionKind.cross.value and not has_coherences:
-        square = coherence(settings.containing, file, functions, frequency, lines)
-        return _part(velocity, square, settings.averages)
+        return coherence(settings.containing, file, functions, frequency, lines)
     of_node = {
         f.node: f
         for f in file.functions
         if f.kind == COHERENCE and (not view.dof or DIRECTIONS[f.direction] == view.dof)
     }
-    square = np.empty(velocity.shape)
+    square = np.empty((len(functions), len(frequency)))
     for i, function in enumerate(functions):
         if function.node not in of_node:
             raise UserError(
@@ -452,12 +465,15 @@ def _std(
         if len(values) <= lines.max() or not ((values > 0) & (values <= 1)).all():
             raise file.wrong(of, "must be a coherence above 0 and up to 1 at every frequency")
         square[i] = np.real(values[lines])
-    return _part(velocity, square, settings.averages)
+    return square
 
 
 def _part(velocity: ComplexArray, square: Array, averages: int) -> Array:
-    """Turn coherences g^2 to standard errors of real and imaginary part each."""
-    part = np.abs(velocity) * np.sqrt((1 - square) / (2 * averages * square))
+    """Turn coherences g^2 to standard errors of real and imaginary part each.
+
+    ``std = |H| sqrt((1 - g^2) / (2 (n - 1) g^2))`` of n averages, as of a regression.
+    """
+    part = np.abs(velocity) * np.sqrt((1 - square) / (2 * (averages - 1) * square))
     return np.maximum(part, np.finfo(float).tiny)  # a coherence of 1 is no error of 0
 
 

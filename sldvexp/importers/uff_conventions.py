@@ -141,7 +141,8 @@ def decide_conventions(
     }
     factor = meaning.factor * scale * sign
     conjugate = phase is Phase.exp_minus
-    return Conventions(meaning.quantity, factor, conjugate, told, odd, unit)
+    amplitude = scale if unit is not None else None
+    return Conventions(meaning.quantity, factor, conjugate, told, odd, unit, amplitude)
 
 
 def _head_lines(

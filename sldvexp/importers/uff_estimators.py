@@ -3,7 +3,8 @@
 With the averaged cross spectrum ``G_xf`` of a response x and a reference f, and their auto spectra
 ``G_xx`` and ``G_ff``, the response function is ``H1 = G_xf / G_ff``, unbiased if only the response
 is noisy, or ``H2 = G_xx / G_fx``, unbiased if only the reference is; the coherence
-``|G_xf|^2 / (G_xx G_ff)`` is their ratio.
+``|G_xf|^2 / (G_xx G_ff)`` is their ratio. Hv lies between them (see
+`sldvexp.signal.response_function`).
 
 A time record is taken for a sum of sines of known frequencies, ``a + sum Re(Z exp(i omega t))``,
 whose phasors Z come from linear least squares, with their errors from the residuals: white noise
@@ -12,7 +13,7 @@ is assumed.
 
 from __future__ import annotations
 
-from enum import Enum
+from functools import partial
 
 import numpy as np
 
@@ -21,24 +22,10 @@ from sldvexp.importers.questions import close
 from sldvexp.importers.uff_conventions import FunctionKind
 from sldvexp.io.uff import Function, UniversalFile
 from sldvexp.io.uff.functions import DIRECTIONS
+from sldvexp.signal import Estimator
+from sldvexp.signal.response_function import estimate
 from sldvexp.typing import Array, ComplexArray, IndexArray
 from sldvexp.unit_labels import SpectralForm, UnitNotUnderstoodError, read_unit
-
-
-class Estimator(Enum):
-    """Ways to make response functions of cross spectra.
-
-    Attributes
-    ----------
-    h1
-        ``G_xf / G_ff``, divided by the reference's auto spectrum: right with noise in responses.
-    h2
-        ``G_xx / G_fx``, of the response's auto spectrum: right with noise in the reference.
-    """
-
-    h1 = "h1"
-    h2 = "h2"
-
 
 AUTO = 2
 #: By how much rounded spectra may make a coherence larger than 1.
@@ -48,9 +35,10 @@ ROUNDING = 1e-4
 def no_estimator(file: UniversalFile) -> UserError:
     """Ask how response functions are made of cross spectra."""
     return UserError(
-        f"{file.source.path}: has cross spectra, of which response functions are made in two "
+        f"{file.source.path}: has cross spectra, of which response functions are made in three "
         "ways; say it with instrument.estimator=h1 (divided by the reference's auto spectrum: "
-        "noise is in the responses) or h2 (of the response's: noise is in the reference)"
+        "noise is in the responses), h2 (of the response's: noise is in the reference) or hv "
+        "(noise is in both, as instrument.noise_ratio says)"
     )
 
 
@@ -73,6 +61,7 @@ def no_frequency(file: UniversalFile) -> UserError:
 
 def estimate_response(
     estimator: Estimator | None,
+    noise_ratio: float,
     containing: str,
     file: UniversalFile,
     crosses: list[Function],
@@ -80,10 +69,12 @@ def estimate_response(
     frequency: Array,
     lines: IndexArray,
 ) -> ComplexArray:
-    """Estimate response functions ``H1 = G_xf / G_ff`` or ``H2 = G_xx / G_fx``.
+    """Estimate response functions H1, H2 or Hv.
 
     Parameters
     ----------
+    noise_ratio : float
+        Of Hv: noise power of the response over that of the reference, in the file's units.
     containing : str
         Text that chooses among several auto spectra of one degree of freedom.
     crosses : list of Function
@@ -106,16 +97,23 @@ def estimate_response(
     """
     if estimator is None:
         raise no_estimator(file)
+    autos = partial(_autos, containing, file, crosses, frequency, lines)
     if estimator is Estimator.h1:
-        return values / _autos(containing, file, crosses, frequency, lines, of_reference=True)
-    response = _autos(containing, file, crosses, frequency, lines, of_reference=False)
+        return values / autos(of_reference=True)
+    response = autos(of_reference=False)
+    # H2 takes nothing from the reference's auto spectrum, which the file need not have.
+    reference = autos(of_reference=True) if estimator is Estimator.hv else np.ones(response.shape)
     measured = values.any(axis=1)
     for function, row in zip(crosses, values, strict=True):
         if row.any() and not row.all():
             at = frequency[int(np.argmax(row == 0))]
-            raise file.wrong(function, f"the cross spectrum is zero at {at:g} Hz, where H2 is none")
+            name = estimator.name.capitalize()
+            raise file.wrong(
+                function, f"the cross spectrum is zero at {at:g} Hz, where {name} is none"
+            )
     found = np.zeros_like(values)
-    found[measured] = response[measured] / np.conj(values[measured])
+    some = reference[measured], response[measured], values[measured]
+    found[measured] = estimate(*some, estimator, noise_ratio)
     return found
 
 

@@ -64,11 +64,17 @@ def picture(instrument: Instrument) -> NDArray[np.uint8] | None:
 def quick(acquisition: Acquisition) -> Acquisition:
     """Shorten an acquisition to a quick look: some periods of the lowest frequency, no longer.
 
+    A broadband signal is looked at by a sine in the middle of its band.
+
     Examples
     --------
     >>> quick(Acquisition(rate=25600.0, samples=512, excitation=(450.0,))).samples
     228
     """
+    if acquisition.drive is not None:
+        middle = math.sqrt(math.prod(acquisition.drive.excitation.band))
+        tone = replace(acquisition.silent, excitation=(middle,), records=1, lead=0)
+        return quick(tone)
     periods = PERIODS * acquisition.rate / min(acquisition.excitation, default=acquisition.rate)
     return replace(acquisition, samples=min(acquisition.samples, max(FEWEST, math.ceil(periods))))
 
@@ -82,6 +88,6 @@ def make_safe(instrument: Instrument, acquisition: Acquisition) -> None:
         That it was configured with last; it must be configured again before it goes on.
     """
     try:
-        instrument.configure(replace(acquisition, excitation=()))
+        instrument.configure(acquisition.silent)
     finally:
         instrument.move((0, 0))

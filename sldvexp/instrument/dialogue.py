@@ -256,7 +256,7 @@ def _told(device: str, command: str, action: Callable[..., Any], *arguments: Any
         return action(*arguments)
     except InstrumentError as error:
         after = f" after {_short(command)}" if command else ""
-        raise type(error)(f"{device}: {error}{after}") from error
+        raise type(error)(f"device {device}: {error}{after}") from error
 
 
 def printable(text: str) -> str:

@@ -110,6 +110,12 @@ class CommandGroups:
         Sets the sampling, and what the generator shall play.
     generator_on, generator_off : dict of str to list of str
         Empty if the generator is set by hand.
+    play : dict of str to list of str
+        In the place of `generator_on` for all but sines: the generator's own ``{function}`` of that
+        kind, or an arbitrary ``{waveform}`` of one record. Empty if the generator cannot.
+    records : dict of str to list of str
+        Sets how many records a pixel takes, one behind the other. Empty if the device takes one at
+        a time: then `acquire` is sent for each, and must wait for the trigger if there is one.
     move, home : dict of str to list of str
         Mirrors to a place, and to step 0.
     acquire : dict of str to list of str
@@ -125,6 +131,8 @@ class CommandGroups:
     configure: dict[str, list[str]] = field(default_factory=dict)
     generator_on: dict[str, list[str]] = field(default_factory=dict)
     generator_off: dict[str, list[str]] = field(default_factory=dict)
+    play: dict[str, list[str]] = field(default_factory=dict)
+    records: dict[str, list[str]] = field(default_factory=dict)
     move: dict[str, list[str]] = field(default_factory=dict)
     home: dict[str, list[str]] = field(default_factory=dict)
     acquire: dict[str, list[str]] = field(default_factory=dict)
@@ -165,7 +173,7 @@ class Data:
     ask : str
         Answered by the block of the pixels sampled last; empty if it is sent without a question.
     status : str
-        Answered by a block of one byte a pixel, bits of `sldvexp.instrument.protocol.Status`;
+        Answered by a block of one byte a record, bits of `sldvexp.instrument.protocol.Status`;
         empty if the device knows of no such thing.
     header : Header
         Of both blocks; ``ieee`` also takes ``#0``, since their lengths are known.
@@ -237,6 +245,9 @@ class Profile:
         From a mirror's move to the first good sample.
     devices : dict of str to Device
     commands : CommandGroups
+    functions : dict of str to str
+        Names of the generator's own functions, by `sldvexp.signal.ExcitationKind`, for the
+        ``{function}`` of ``commands.play``.
     verify : list of Verify
         Asked after configuring and after every list of pixels.
     data : Data
@@ -247,6 +258,7 @@ class Profile:
     settle: float = 0.0
     devices: dict[str, Device]
     commands: CommandGroups
+    functions: dict[str, str] = field(default_factory=dict)
     verify: list[Verify] = field(default_factory=list)
     data: Data
     bench: BenchQuestions | None = None

@@ -20,6 +20,7 @@ from sldvexp.errors import Checks, ConfigError, UserError, nearest
 from sldvexp.files import read_text
 from sldvexp.instrument.profile import CHANNELS, BenchQuestions, Commands, Profile
 from sldvexp.limits import YAML_BYTES, load_yaml, slow_pattern
+from sldvexp.signal import ExcitationKind
 
 SUFFIXES = (".yaml", ".yml")
 
@@ -149,6 +150,7 @@ def _made_table(kind: Any, node: Any, key: str, checks: Checks) -> Any:
 
 SAMPLING = ("rate", "interval", "interval_us", "samples")
 GENERATOR = ("frequencies", "amplitude")
+PLAY = ("function", "waveform", "low", "high", "lines", "seed", "burst", "samples", "amplitude")
 
 #: What the commands of each group may be filled with.
 PLACEHOLDERS: dict[str, tuple[str, ...]] = {
@@ -157,6 +159,8 @@ PLACEHOLDERS: dict[str, tuple[str, ...]] = {
     "configure": (*SAMPLING, *GENERATOR),
     "generator_on": GENERATOR,
     "generator_off": (),
+    "play": PLAY,
+    "records": ("records", "lead", "trigger", "samples"),
     "move": ("up_down", "left_right"),
     "home": (),
     "acquire": ("samples",),
@@ -175,6 +179,8 @@ NEEDED = {
 #: Of which placeholders a group must have one each.
 TELLS = {
     "configure": (("rate", "interval", "interval_us"), ("samples",)),
+    "play": (("function", "waveform"),),
+    "records": (("records",),),
     "move": (("up_down",), ("left_right",)),
     "scan": (("positions",),),
 }
@@ -188,6 +194,13 @@ EXAMPLES = {name: 1 for names in PLACEHOLDERS.values() for name in names} | {
     "interval": 1.0,
     "amplitude": 1.0,
     "frequencies": "1.0",
+    "function": "1",
+    "waveform": "1.0",
+    "lines": "1",
+    "trigger": "1",
+    "low": 1.0,
+    "high": 1.0,
+    "burst": 1.0,
     "positions": "1,1",
     "view": "1",
 }
@@ -213,6 +226,9 @@ def check(profile: Profile, checks: Checks) -> None:
     off = bool(profile.commands.generator_off) or not profile.commands.generator_on
     message = "is missing: what turns the generator on must be able to turn it off"
     checks.require(off, "commands.generator_off", message)
+    kinds = [kind.name for kind in ExcitationKind]
+    for kind in profile.functions:
+        checks.require(kind in kinds, f"functions.{kind}", f"is no kind; {nearest(kind, kinds)}")
     for i, question in enumerate(profile.verify):
         _check_device(profile, checks, f"verify[{i}].device", question.device)
     _check_data(profile, checks)

@@ -8,7 +8,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import IntFlag
 from typing import Any, ClassVar, Protocol
 
@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sldvexp.laser import TwoMirror
+from sldvexp.signal import RecordDesign
 from sldvexp.targets import Target
 from sldvexp.typing import Array, IntArray
 
@@ -24,11 +25,12 @@ CHANNELS = ("velocity", "reference")
 
 
 class Status(IntFlag):
-    """Word of the instrument itself about a pixel."""
+    """Word of the instrument itself about a record, of which a pixel has one or more."""
 
     good = 0
     dropped_out = 1
     over_range = 2
+    untriggered = 4
 
 
 @dataclass(frozen=True)
@@ -45,12 +47,40 @@ class Acquisition:
         Frequencies that the generator plays; empty leaves it off.
     amplitude : float, V
         Peak amplitude of each generated frequency.
+    drive : RecordDesign, optional
+        What the generator plays instead of tones, in records of `samples`.
+    records : int
+        Of each pixel, one behind the other.
+    lead : int
+        Records that are let go by after a move, before the first.
+    triggered : bool
+        Whether each record starts where the generator begins one anew; otherwise a pixel's first
+        starts anywhere.
     """
 
     rate: float
     samples: int
     excitation: tuple[float, ...]
     amplitude: float = 1.0
+    drive: RecordDesign | None = None
+    records: int = 1
+    lead: int = 0
+    triggered: bool = True
+
+    @property
+    def plays(self) -> bool:
+        """True if the generator is on."""
+        return bool(self.excitation) or self.drive is not None
+
+    @property
+    def seconds(self) -> float:
+        """Time that a pixel takes, s, without that of the move."""
+        return (self.lead + self.records) * self.samples / self.rate
+
+    @property
+    def silent(self) -> Acquisition:
+        """The same with the generator off."""
+        return replace(self, excitation=(), drive=None)
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,18 +89,22 @@ class RawSamples:
 
     Parameters
     ----------
-    counts : ndarray of int16, shape (pixel, channel, sample)
-        Channels in the order of `CHANNELS`; each pixel starts at an arbitrary phase.
+    counts : ndarray of int16, shape (pixel * record, channel, sample)
+        Channels in the order of `CHANNELS`; all records of a pixel, then those of the next. Each
+        pixel starts at an arbitrary phase.
     volts_per_count : ndarray, shape (channel,)
     rate : float, Hz
-    status : ndarray of uint8, shape (pixel,)
+    status : ndarray of uint8, shape (pixel * record,)
         Bits of `Status`.
+    records : int
+        Of each pixel.
     """
 
     counts: NDArray[np.int16]
     volts_per_count: Array
     rate: float
     status: NDArray[np.uint8] = field(default_factory=lambda: np.zeros(0, np.uint8))
+    records: int = 1
 
 
 class InstrumentError(Exception):
@@ -96,7 +130,7 @@ class Instrument(Protocol):
         """Point the beam at (up_down, left_right) in DAC steps."""
 
     def acquire(self) -> RawSamples:
-        """Sample one pixel where the beam stands."""
+        """Sample one pixel, all its records, where the beam stands."""
 
     def scan(self, dac: IntArray, stream: int | None = None) -> RawSamples:
         """Move and sample a whole list, shape (pixel, 2), buffered by the instrument.

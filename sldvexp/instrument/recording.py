@@ -6,13 +6,14 @@
 from __future__ import annotations
 
 import zipfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
+from numpy.typing import NDArray
 from omegaconf import MISSING
 
 from sldvexp.config.paths import JOURNAL, locate
@@ -30,6 +31,7 @@ from sldvexp.instrument.protocol import (
 )
 from sldvexp.laser import TwoMirror
 from sldvexp.limits import too_much_claimed
+from sldvexp.signal import ResponseSums
 from sldvexp.targets import Target
 from sldvexp.typing import Array, IntArray
 from sldvexp.writing import make_folder, whole_or_nothing
@@ -42,7 +44,7 @@ def write_line(
     path: Path,
     dac: IntArray,
     acquisition: Acquisition,
-    samples: RawSamples,
+    samples: RawSamples | ResponseSums,
     lasting: bool = True,
 ) -> None:
     """Keep a scan line, whole or not at all.
@@ -52,26 +54,28 @@ def write_line(
     dac : ndarray of int, shape (pixel, 2)
     acquisition : Acquisition
         What was asked for.
-    samples : RawSamples
-        What came.
+    samples : RawSamples or ResponseSums
+        What came, or the sums of its records.
     lasting : bool
         See `sldvexp.writing.whole_or_nothing`.
     """
+    found: dict[str, Any]
+    if isinstance(samples, ResponseSums):
+        found = samples.to_arrays()
+    else:
+        found = {
+            "counts": samples.counts,
+            "volts_per_count": samples.volts_per_count,
+            "rate": np.array(samples.rate),
+            "status": samples.status,
+        }
     make_folder(path.parent)
     with whole_or_nothing(path, lasting) as beside, beside.open("wb") as file:
-        np.savez(
-            file,
-            dac=dac,
-            asked=asked(acquisition),
-            counts=samples.counts,
-            volts_per_count=samples.volts_per_count,
-            rate=samples.rate,
-            status=samples.status,
-        )
+        np.savez(file, dac=dac, asked=asked(acquisition), **found)
 
 
-def read_line(path: Path) -> tuple[IntArray, Array, RawSamples] | None:
-    """Read pixels, sampling as asked, and samples of a kept line; None if its file is damaged.
+def read_line(path: Path) -> tuple[IntArray, Array, RawSamples | ResponseSums] | None:
+    """Read pixels, sampling as asked, and samples or sums of a kept line; None if it is damaged.
 
     An array may claim no more than a file of that size can hold, and its shape must go with those
     of the others.
@@ -83,6 +87,8 @@ def read_line(path: Path) -> tuple[IntArray, Array, RawSamples] | None:
         if too_much_claimed(claimed, path.stat().st_size):
             return None
         with np.load(path) as kept:
+            if "sxy" in kept:
+                return _sums(kept)
             found = {key: kept[key] for key in (*KINDS, "rate")}
         pixels = len(found["dac"])
         shapes = {"dac": (pixels, 2), "volts_per_count": (len(CHANNELS),), "status": (pixels,)}
@@ -100,10 +106,27 @@ def read_line(path: Path) -> tuple[IntArray, Array, RawSamples] | None:
         return None
 
 
+def _sums(kept: Mapping[str, NDArray[Any]]) -> tuple[IntArray, Array, ResponseSums] | None:
+    """Make sums of records of a kept line; None if they do not belong to its pixels."""
+    dac, how, sums = kept["dac"], kept["asked"], ResponseSums.from_arrays(kept)
+    shape = (len(dac), len(sums.frequency))
+    sound = all(each.shape == shape for each in (sums.sxx, sums.syy, sums.sxy))
+    if not sound or dac.shape != (len(dac), 2) or sums.count.shape != (len(dac),):
+        return None
+    return dac, how, sums
+
+
 def asked(acquisition: Acquisition) -> Array:
     """Express an acquisition as numbers that can be kept and compared."""
     a = acquisition
-    return np.array([a.rate, a.samples, a.amplitude, *a.excitation], float)
+    if a.drive is None:
+        return np.array([a.rate, a.samples, a.amplitude, *a.excitation], float)
+    e = a.drive.excitation
+    # A negative number, which no frequency is, begins what is played instead of tones.
+    kind, lines = (list(type(x)).index(x) for x in (e.kind, e.lines))
+    played = [-1.0, kind, lines, *e.band, e.seed, e.burst, e.decay]
+    how = [a.records, a.lead, a.triggered]
+    return np.array([a.rate, a.samples, a.amplitude, *played, *how], float)
 
 
 #: Name of what is kept of a view whose rest was left out.
@@ -129,6 +152,14 @@ def read_left(folder: Path) -> tuple[str, int] | None:
     return None if kept is None else (str(kept["question"]), int(kept["answer"]))
 
 
+@runtime_checkable
+class TellsSums(Protocol):
+    """An instrument that has the sums of records instead of the records themselves."""
+
+    def sums(self, dac: IntArray) -> ResponseSums:
+        """Give the sums of a line of these very pixels."""
+
+
 class Recording:
     """A recorded view as an `Instrument`: it can scan what was scanned, and nothing else.
 
@@ -145,7 +176,7 @@ class Recording:
             told = nearest(view, views) if views else "it has no scan lines at all"
             raise UserError(f"{folder}: has no scan lines of the view {view}; {told}")
         self.folder, self.view = folder, view
-        self._lines: dict[bytes, list[tuple[Array, RawSamples]]] = {}
+        self._lines: dict[bytes, list[tuple[Array, RawSamples | ResponseSums]]] = {}
         for path in sorted((folder / JOURNAL / view).glob("*.npz")):
             if (kept := read_line(path)) is not None:
                 dac, how, samples = kept
@@ -186,6 +217,18 @@ class Recording:
         InstrumentError
             If there is none.
         """
+        found = self._found(dac)
+        assert isinstance(found, RawSamples)  # as the sampling says, which is the recording's
+        return found
+
+    def sums(self, dac: IntArray) -> ResponseSums:
+        """See `TellsSums`; raises what `scan` does."""
+        found = self._found(dac)
+        assert isinstance(found, ResponseSums)
+        return found
+
+    def _found(self, dac: IntArray) -> RawSamples | ResponseSums:
+        """Find what was kept of a line, the next in turn."""
         found = self._lines.get(self._key(dac), [])
         if not found:
             raise InstrumentError(

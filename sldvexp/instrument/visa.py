@@ -11,7 +11,7 @@ import logging
 import time
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -23,6 +23,7 @@ from sldvexp.errors import Checks, UserError, nearest
 from sldvexp.instrument.blocks import better_reading, block_size, decoded
 from sldvexp.instrument.connection import DisturbanceError, Line, VisaLine, canonical_resource
 from sldvexp.instrument.dialogue import Dialogue, Persistence
+from sldvexp.instrument.playing import in_words, played_by, records_of, require_playable
 from sldvexp.instrument.profile import Profile
 from sldvexp.instrument.profile_file import load_profile, profile_path
 from sldvexp.instrument.protocol import (
@@ -133,8 +134,8 @@ class Visa(ScanningPlugin):
 log = logging.getLogger(__name__)
 #: How far a rate may be from a whole number of microseconds between samples, relative.
 WHOLE = 1e-9
-#: All bits that a pixel's status may have.
-KNOWN = np.uint8(Status.dropped_out | Status.over_range)
+#: All bits that a record's status may have.
+KNOWN = np.uint8(Status.dropped_out | Status.over_range | Status.untriggered)
 
 
 class CommandedInstrument:
@@ -174,6 +175,7 @@ class CommandedInstrument:
         self._rate = 0.0
         self._scale: list[float] = []
         self._read_rightly = False
+        self._several = False  # whether the device was told how many records a pixel has
 
     def __enter__(self) -> CommandedInstrument:
         self._persistently("connecting", lambda dialogue: None)
@@ -202,12 +204,16 @@ class CommandedInstrument:
             raise InstrumentError(
                 f"configuring: rate and samples must be positive numbers, not {acquisition}"
             )
-        self._acquisition = acquisition
-        if acquisition.excitation and not self.profile.commands.generator_on:
-            tones = ", ".join(f"{f:g}" for f in acquisition.excitation)
-            log.warning(
-                "the generator is set by hand: %s Hz with %g V", tones, acquisition.amplitude
-            )
+        before, self._acquisition = self._acquisition, acquisition
+        alike = before is not None and replace(before, records=acquisition.records) == acquisition
+        if alike and acquisition.drive is not None:  # what is played goes on
+            self._persistently("configuring", self._count_records)
+            return
+        if acquisition.plays and not self.profile.commands.generator_on:
+            played = in_words(acquisition)
+            log.warning("the generator is set by hand: %s with %g V", played, acquisition.amplitude)
+        elif acquisition.drive is not None:
+            require_playable(self.profile, acquisition.drive.excitation.kind)
         self._persistently("configuring", self._configure)
 
     def move(self, dac: Sequence[int]) -> None:
@@ -236,7 +242,7 @@ class CommandedInstrument:
         steps = [(int(up_down), int(left_right)) for up_down, left_right in dac]
         if not steps:
             return self._samples(b"", b"", 0)
-        listed = bool(self.profile.commands.scan)
+        listed = bool(self.profile.commands.scan) and self._at_once == self._records
         found = self._persistently(
             f"scanning {len(steps)} pixels",
             lambda dialogue: (self._scan_list if listed else self._scan_pixels)(
@@ -315,7 +321,12 @@ class CommandedInstrument:
             "amplitude": a.amplitude,
         }
         dialogue.run(commands.configure, values)
-        dialogue.run(commands.generator_on if a.excitation else commands.generator_off, values)
+        if a.records > 1 or self._several:
+            self._count_records(dialogue)
+        if a.drive is not None:
+            dialogue.run(commands.play, played_by(self.profile, a.drive))
+        else:
+            dialogue.run(commands.generator_on if a.excitation else commands.generator_off, values)
         self._rate = a.rate
         if data.rate:
             (self._rate,) = dialogue.numbers("data.rate", data.device, data.rate, 1)
@@ -323,8 +334,13 @@ class CommandedInstrument:
         if data.scale:
             in_block = dialogue.numbers("data.scale", data.device, data.scale, len(CHANNELS))
         self._scale = [in_block[data.channels.index(channel)] for channel in CHANNELS]
-        dialogue.verify(playing=bool(a.excitation))
+        dialogue.verify(playing=a.plays)
         self._read_rightly = False
+
+    def _count_records(self, dialogue: Dialogue) -> None:
+        """Say how many records a pixel takes, if the device can be told."""
+        self._several = True
+        dialogue.run(self.profile.commands.records, records_of(self._configured()))
 
     def _microseconds(self, rate: float) -> int:
         """Count whole microseconds between samples, for a device that counts them."""
@@ -343,12 +359,30 @@ class CommandedInstrument:
         up_down, left_right = self._position
         dialogue.run(self.profile.commands.move, {"up_down": up_down, "left_right": left_right})
 
+    @property
+    def _records(self) -> int:
+        return self._configured().records
+
+    @property
+    def _at_once(self) -> int:
+        """Records that one command takes."""
+        return self._records if self.profile.commands.records else 1
+
     def _acquire(self, dialogue: Dialogue) -> RawSamples:
-        samples = self._configured().samples
-        time.sleep(self.profile.settle)
-        patience = self._duration(1)
-        dialogue.run(self.profile.commands.acquire, {"samples": samples}, patience)
-        return self._fetch(dialogue, 1)
+        a = self._configured()
+        alone = self._at_once < a.records  # then the lead is waited for here
+        time.sleep(self.profile.settle + alone * a.lead * a.samples / a.rate)
+        found = []
+        for _ in range(a.records // self._at_once):
+            patience = self._duration(1)
+            dialogue.run(self.profile.commands.acquire, {"samples": a.samples}, patience)
+            found.append(self._fetch(dialogue, 1))
+        return self._joined(found)
+
+    def _joined(self, found: list[RawSamples]) -> RawSamples:
+        counts = np.concatenate([s.counts for s in found])
+        status = np.concatenate([s.status for s in found])
+        return RawSamples(counts, found[0].volts_per_count, self._rate, status, self._records)
 
     def _scan_list(
         self, dialogue: Dialogue, steps: list[tuple[int, int]], stream: int | None
@@ -361,7 +395,7 @@ class CommandedInstrument:
         values = {"positions": positions, "pixels": len(steps), "samples": samples}
         dialogue.run(commands.scan, values, self._duration(len(steps)))
         found = self._fetch(dialogue, len(steps))
-        dialogue.verify(playing=bool(self._configured().excitation))
+        dialogue.verify(playing=self._configured().plays)
         return found
 
     def _scan_pixels(
@@ -374,26 +408,25 @@ class CommandedInstrument:
         for self._position in steps:
             self._move(dialogue)
             found.append(self._acquire(dialogue))
-        dialogue.verify(playing=bool(self._configured().excitation))
-        counts = np.concatenate([s.counts for s in found])
-        status = np.concatenate([s.status for s in found])
-        return RawSamples(counts, found[0].volts_per_count, self._rate, status)
+        dialogue.verify(playing=self._configured().plays)
+        return self._joined(found)
 
     def _fetch(self, dialogue: Dialogue, pixels: int) -> RawSamples:
         """Fetch the samples of the last pixels."""
         data, patience = self.profile.data, self._duration(pixels)
-        size = block_size(data, pixels, self._configured().samples)
+        rows = pixels * self._at_once
+        size = block_size(data, rows, self._configured().samples)
         block = dialogue.block(data.ask, size, patience)
-        status = dialogue.block(data.status, pixels, key="data.status") if data.status else b""
+        status = dialogue.block(data.status, rows, key="data.status") if data.status else b""
         dialogue.require_no_error(data.device, data.ask or "sending its samples")
         if not self._read_rightly:
-            self._require_right_reading(block, pixels)
-        return self._samples(block, status, pixels)
+            self._require_right_reading(block, rows)
+        return self._samples(block, status, rows)
 
-    def _require_right_reading(self, block: bytes, pixels: int) -> None:
+    def _require_right_reading(self, block: bytes, rows: int) -> None:
         """Require, once an acquisition, that the reference is what the generator plays."""
         data, a = self.profile.data, self._configured()
-        better = better_reading(data, block, (pixels, a.samples), a.excitation, self._rate)
+        better = better_reading(data, block, (rows, a.samples), a.excitation, self._rate)
         if better:
             raise InstrumentError(
                 f"the reference channel is no sum of the generator's sines as the profile reads "
@@ -401,21 +434,20 @@ class CommandedInstrument:
             )
         self._read_rightly = True
 
-    def _samples(self, block: bytes, status: bytes, pixels: int) -> RawSamples:
-        shape = (pixels, self._configured().samples)
+    def _samples(self, block: bytes, status: bytes, rows: int) -> RawSamples:
+        shape = (rows, self._configured().samples)
         found = decoded(self.profile.data, block, status, shape, self._scale, self._rate)
         nonsense = np.flatnonzero(found.status & ~KNOWN)
         if len(nonsense):
             raise DisturbanceError(
-                f"the status of pixel {nonsense[0]} is nonsense: {found.status[nonsense[0]]} in "
+                f"the status of record {nonsense[0]} is nonsense: {found.status[nonsense[0]]} in "
                 f"answer to {self.profile.data.status} (data.status of the profile)"
             )
-        return found
+        return replace(found, records=self._at_once)
 
     def _duration(self, pixels: int) -> float:
         """Say how long sampling takes, s."""
-        a = self._configured()
-        return pixels * (a.samples / a.rate + self.profile.settle)
+        return pixels * (self._configured().seconds + self.profile.settle)
 
     def _configured(self) -> Acquisition:
         if self._acquisition is None:

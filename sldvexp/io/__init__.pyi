@@ -3,6 +3,7 @@ from .gage_files import read_gages as read_gages
 from .gltf import glb as glb
 from .mesh_files import MeshSurface as MeshSurface
 from .mesh_files import read_mesh as read_mesh
+from .mesh_files import read_with_meshio as read_with_meshio
 from .scan_files import read_centres as read_centres
 from .scan_files import read_list as read_list
 from .scan_files import read_rectangle as read_rectangle

@@ -166,7 +166,7 @@ def _other_cells(geometry: UniversalGeometry) -> str:
 
 def _of_meshio(path: Path, unit: float) -> MeshSurface:
     """Read the surface cells of a file that meshio knows."""
-    mesh = _read(path)
+    mesh = read_with_meshio(path, "volume=mesh")
     position = np.asarray(mesh.points, float) * unit
     if position.ndim != 2 or position.shape[1] not in (2, 3):
         raise UserError(f"{path}: has no nodes")
@@ -194,13 +194,30 @@ def _of_cells(path: Path, position: Array, blocks: list[tuple[str, IntArray]]) -
     return MeshSurface(position[keep], renumbered[triangles], np.flatnonzero(keep))
 
 
-def _read(path: Path) -> Any:
-    """Read the file with meshio."""
+def read_with_meshio(path: Path, needed_by: str) -> Any:
+    """Read a mesh of any kind that meshio knows.
+
+    Parameters
+    ----------
+    needed_by : str
+        Setting that needs it, for the message if it is not installed.
+
+    Raises
+    ------
+    UserError
+        If meshio is not installed, or cannot read the file.
+
+    Examples
+    --------
+    >>> read_with_meshio(Path("none.vtu"), "model=file")  # doctest: +ELLIPSIS
+    Traceback (most recent call last):
+    sldvexp.errors.UserError: none.vtu: there is no such file (looked from ...)
+    """
     try:
         import meshio
     except ImportError:
         raise UserError(
-            "volume=mesh needs the package meshio; install it with: pip install 'sldvexp[mesh]'"
+            f"{needed_by} needs the package meshio; install it with: pip install 'sldvexp[mesh]'"
         ) from None
     read_bytes(path)  # its readers take whatever they are given, of any size
     said = io.StringIO()

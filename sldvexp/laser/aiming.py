@@ -94,7 +94,12 @@ def dac_jacobian(points: ArrayLike, rotation: Array, origin: Array, laser: TwoMi
 
 
 def corrected_pose(
-    points: ArrayLike, dac: ArrayLike, rotation: Array, origin: Array, laser: TwoMirror
+    points: ArrayLike,
+    dac: ArrayLike,
+    rotation: Array,
+    origin: Array,
+    laser: TwoMirror,
+    std: ArrayLike = FOUND,
 ) -> tuple[Array, Array]:
     """Correct a rough pose by points of the world that were found at DAC steps.
 
@@ -105,6 +110,8 @@ def corrected_pose(
     dac : array_like, shape (N, 2), steps
     rotation, origin : ndarray
         The rough pose, wrong by as much as `ROUGH` says.
+    std : array_like, broadcastable to (N, 2), steps
+        Standard deviations of what was found.
 
     Returns
     -------
@@ -123,12 +130,16 @@ def corrected_pose(
     at, found = np.asarray(points, float), np.asarray(dac, float)
     names = [f"point {i}" for i in range(len(at))]
     turned, there, gone = rotation, np.array(origin, float), np.zeros(6)
+    error = np.broadcast_to(np.asarray(std, float), found.shape).ravel()
     for _ in range(ITERATIONS):
         missed = found - dac_of_points(at, turned, there, laser, names)
         rows = np.concatenate(
-            [dac_jacobian(at, turned, there, laser).reshape(-1, 6) / FOUND, np.diag(1 / ROUGH)]
+            [
+                dac_jacobian(at, turned, there, laser).reshape(-1, 6) / error[:, None],
+                np.diag(1 / ROUGH),
+            ]
         )
-        right = np.concatenate([missed.ravel() / FOUND, -gone / ROUGH])
+        right = np.concatenate([missed.ravel() / error, -gone / ROUGH])
         step = np.linalg.lstsq(rows, right, rcond=None)[0]
         turned, there, gone = rotation_from_vector(step[:3]) @ turned, there + step[3:], gone + step
     return turned, there

@@ -17,6 +17,7 @@ from contextlib import contextmanager
 
 from sldvexp.lazy import xarray as xr
 from sldvexp.progress import Progress, TimeLeft, first_that_fits, span
+from sldvexp.session.tally import PixelTally
 from sldvexp.session.watching import GO_ON, LineDone, ViewAhead, Watcher, Wish, in_words
 
 #: Columns of the bar: at least, or there is none, and at most.
@@ -129,7 +130,9 @@ class ScanProgress:
     Attributes
     ----------
     waited : float, s
-        In which a person was asked since the last line.
+        In which a person was asked, or let it wait, since the last line.
+    tally : PixelTally
+        Of the pixels.
     """
 
     def __init__(self, views: Sequence[ViewAhead], clock: Callable[[], float]) -> None:
@@ -137,7 +140,7 @@ class ScanProgress:
         parts = [part for view in views for part in view.parts]
         known = {p.kind: p.seconds / p.pixels for p in parts if p.pixels}
         self._lines = TimeLeft(known)
-        self._done = Counter({kind: 0 for kind in known})  # pixels of each kind, of all views
+        self.tally = PixelTally(views)
         self._kept: Counter[str] = Counter()  # pixels to come of this view that the journal has
         self._view = views[0]
         self._where = ""
@@ -156,16 +159,15 @@ class ScanProgress:
     def between_lines(self, lines: str, done: int, count: int) -> None:
         """Note where the scan is, and what was computed since the last line."""
         if done < count:
-            self._where = f"{in_words(lines)} {done + 1} of {count}"
+            self._where = in_words(lines, done + 1, count)
         self._computing += self._since()
 
     def line_done(self, line: LineDone) -> None:
         """Note a line."""
         seconds, pixels = self._since(), len(line.dac)
-        if not line.again:
-            self._done[line.kind] += pixels
+        self.tally.line_done(line)
         if line.kept:
-            self._kept[line.kind] -= pixels
+            self._kept[line.kind] -= 0 if line.searches else pixels
             return
         self._scanning += seconds
         if self._is_first and self._lines.rate(line.kind) is not None:
@@ -190,24 +192,22 @@ class ScanProgress:
     def view_done(self, view: ViewAhead) -> None:
         """Note that the rest of a view will not come, if it was skipped."""
         self._computing += self._since()
-        for kind, pixels in _pixels(self._views[: view.number]).items():
-            self._done[kind] = pixels
+        self.tally.view_done(view)
 
     @property
     def share(self) -> float:
         """Share of all pixels that are done, from 0 to 1."""
-        total = _pixels(self._views).total()
-        return self._done.total() / total if total else 0.0
+        return self.tally.share
 
     @property
     def seconds_left(self) -> float | None:
         """Time left in s, None if it cannot be told."""
-        every = _pixels(self._views)
+        every, done = self.tally.total, self.tally.done
         ahead = [view for view in self._views if view.number > self._view.number]
         kept = self._kept.copy()
         for view in ahead:
             kept.update({part.kind: part.kept for part in view.parts})
-        left = {kind: max(every[kind] - self._done[kind] - kept[kind], 0) for kind in every}
+        left = {kind: max(every[kind] - done[kind] - kept[kind], 0) for kind in every}
         seconds = self._lines.left(left)
         if seconds is None or not self._scanning:
             return None
@@ -232,10 +232,10 @@ class ScanProgress:
         view = f"view {self._view.number} of {self._view.count}"
         named = f"{view}, {self._view.name}"
         first = first_that_fits([f"{step}, {named}", f"{step}, {view}", named, view], width)
-        total = _pixels(self._views).total()
+        total = self.tally.total.total()
         if not total:
             return [first]
-        pixels = f"{self._done.total()} of {total} pixels"
+        pixels = f"{self.tally.done.total()} of {total} pixels"
         left = self.seconds_left
         known = [] if left is None else [f"{span(left)} left"]
         percent = f"{100 * self.share:.0f} %"
@@ -255,11 +255,3 @@ class ScanProgress:
         passed, self._stamp = now - self._stamp - self.waited, now
         self.waited = 0.0
         return max(passed, 0.0)
-
-
-def _pixels(views: Sequence[ViewAhead]) -> Counter[str]:
-    """Count the pixels of views by the kind of their parts."""
-    found = Counter[str]()
-    for view in views:
-        found.update({part.kind: part.pixels for part in view.parts})
-    return found

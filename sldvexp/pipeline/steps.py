@@ -8,7 +8,7 @@ from functools import partial
 from itertools import chain, count
 
 from sldvexp import field as velocity_field
-from sldvexp import importers, modes, session, shell, verdict, virtual_lab
+from sldvexp import importers, models, modes, session, shell, verdict, virtual_lab
 from sldvexp.check import Examination, evaluate
 from sldvexp.config.experiment import Experiment
 from sldvexp.config.paths import JOURNAL
@@ -210,6 +210,32 @@ def _modes(run: Run) -> None:
     run.tree[f"{VERDICT}/modes"] = findings_to_dataset(found.findings)
 
 
+def _model_in_place(run: Run) -> None:
+    """Read a finite element model, and see whether it is where the structure is."""
+    e = run.experiment
+    run.inputs += e.model.inputs()
+    if e.modal is None:
+        raise UserError("model: needs the modes of the structure to be tested; choose modal=own")
+    if e.laser is None:
+        raise UserError("model: needs a laser, whose beams tell where pixels meet it")
+    try:
+        models.placing.check_place(e.model.model(), run.tree)
+    except UserError as error:
+        raise UserError(f"model: {error}") from None
+
+
+def _model(run: Run) -> None:
+    """Put a finite element model to the test by the measured modes."""
+    e = run.experiment
+    images = {k.removeprefix("image/"): v for k, v in run.tree.items() if k.startswith("image/")}
+    try:
+        found = models.estimate.examine_model(run.tree, e.laser, e.model)
+    except UserError as error:
+        raise UserError(f"model: {error}") from None
+    run.tree |= models.result.model_to_datasets(found, images)
+    run.tree[f"{VERDICT}/model"] = findings_to_dataset(models.wording.findings_about(found))
+
+
 def _point(run: Run) -> None:
     """Reconstruct velocity vectors at points, by the chosen method and the others."""
     if "line_of_sight" not in run.tree:
@@ -342,11 +368,12 @@ def _truth(run: Run) -> None:
     images = [part for part in e.scan.parts(e.scan.view_names()[0]) if part.kind == "image"]
     names = (n for n in run.tree if n == "strain" or n.startswith(COMPARED_STRAIN))
     strain = next((run.tree[name] for name in names), None)
+    hertz = field["frequency"].values
     run.tree["truth"] = virtual_lab.plate.truth_to_dataset(
         e.scene,
         field["position"].values,
-        field["frequency"].values,
-        images[0].sampling.amplitude,
+        hertz,
+        images[0].sampling.amplitude_at(hertz),
         None if strain is None else strain["position"].values,
         None if strain is None else strain["frame"].values,
     )
@@ -401,6 +428,13 @@ STEPS: tuple[Step, ...] = (
     # Before anything is measured: an unsound volume should not cost a morning's scan.
     Step(VOLUME, lambda e: e.volume is not None, _volume, makes=("volume",), reads=("volume",)),
     Step(
+        "place of the model",
+        lambda e: e.model is not None,
+        _model_in_place,
+        makes=(),
+        needs=("volume",),
+    ),
+    Step(
         SCAN,
         lambda e: bool(e.scan or e.compare_scan),
         _scan,
@@ -454,6 +488,13 @@ STEPS: tuple[Step, ...] = (
         makes=("modes", modes.estimate.MODAL_IMAGES, f"{VERDICT}/modes"),
         needs=("image/",),
         reads=("modal",),
+    ),
+    Step(
+        "finite element model",
+        lambda e: e.model is not None,
+        _model,
+        makes=("model", "model/", f"{VERDICT}/model"),
+        needs=("modes", modes.estimate.MODAL_IMAGES, "pose", "volume", "image/"),
     ),
     Step(
         "shapes of the modes",

@@ -12,16 +12,15 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import yaml
 from omegaconf import DictConfig, OmegaConf
 
 from sldvexp.config.experiment import SINGLE_GROUPS
+from sldvexp.config.own_files import choice_text, own_path, write_own, wrong_name
 from sldvexp.config.sources import Origins
 from sldvexp.errors import UserError
-from sldvexp.files import unusable
+from sldvexp.planner.circle_lines import fit_stride
 from sldvexp.planner.images import Stand
 from sldvexp.planner.planned import StandPlan
-from sldvexp.writing import make_folder, require_no_link, whole_or_nothing
 
 #: Name of the key of a pose for the place that is looked at.
 LOOK_AT = "look_at"
@@ -63,26 +62,14 @@ def write(
     UserError
         If a file exists and is not to be replaced, or cannot be written.
     """
-    if wrong := unusable(name):
+    if wrong := wrong_name(name):
         raise UserError(f"command line: --name={name}: {wrong}")
     whole = experiment_text(plan, config, plugins, choices, config_dir)
     texts = {
-        folder / "experiment" / f"{name}.yaml": whole,
-        folder / "pose" / f"{name}.yaml": pose_text(plan),
+        own_path(folder, "experiment", name): whole,
+        own_path(folder, "pose", name): pose_text(plan),
     }
-    for path in texts:
-        require_no_link(path)
-        if path.is_dir():
-            raise UserError(f"{path}: cannot be written: it is a folder")
-        if path.exists() and not replace:
-            raise UserError(f"{path}: exists; overwrite=true puts this plan in its place")
-    for path in texts:
-        make_folder(path.parent)
-    pairs = list(texts.items())
-    (first, one), (second, other) = pairs
-    with whole_or_nothing(first) as new, whole_or_nothing(second) as also:
-        new.write_text(one, encoding="utf-8")
-        also.write_text(other, encoding="utf-8")
+    write_own(texts, replace, "overwrite=true puts this plan in its place")
     return list(texts)
 
 
@@ -105,12 +92,11 @@ def experiment_text(
     differing = _differences(values, base)
     overrides = ({f"override /{g}": chosen[g]} for g in SINGLE_GROUPS if g in chosen)
     defaults = ["_self_", *overrides]
-    told = [
-        "# @package _global_",
-        f"# {len(plan.stands)} planned stands; the {plan.goal.criterion.name} bound asked for is "
-        f"{1e3 * plan.asked:.3g} mm/s.",
-    ]
-    return "\n".join([*told, _dumped({"defaults": defaults}), _dumped(differing)])
+    told = (
+        f"{len(plan.stands)} planned stands; the {plan.goal.criterion.name} bound asked for is "
+        f"{1e3 * plan.asked:.3g} mm/s."
+    )
+    return choice_text([told], defaults, differing, apart=True)
 
 
 def _base(chosen: Mapping[str, str], config_dir: str | None) -> dict[str, Any]:
@@ -164,6 +150,9 @@ def _put_views(values: dict[str, Any], plan: StandPlan, plugins: Mapping[str, st
         if kind in ("calibration", "rectangle") and scan is not None:
             new = circles if kind == "calibration" else corners
             scan["views"] = {**(scan["views"] if stays else {}), **new}
+    if plugins.get("scan") in ("session", "calibration"):
+        whole = values["scan"]
+        fit_stride(whole.get("calibration", whole), plan.added, plan.place)
     if values.get("scene") is not None:
         values["scene"]["views"] = {**(values["scene"]["views"] if stays else {}), **poses}
     if plugins.get("pose") == "given" and not values["pose"]["path"]:
@@ -181,27 +170,5 @@ def as_pose(stand: Stand) -> dict[str, Any]:
 def pose_text(plan: StandPlan) -> str:
     """Write the stands as poses that are given."""
     views = {stand.name: as_pose(stand) for stand in plan.stands}
-    told = f"# Poses of {len(views)} stands as they are planned."
-    return "\n".join(
-        [told, _dumped({"defaults": ["schema/given@_here_", "_self_"]}), _dumped({"views": views})]
-    )
-
-
-class _Plain(yaml.SafeDumper):
-    """Writes lists of numbers on one line, and tables over several."""
-
-    def ignore_aliases(self, data: Any) -> bool:
-        """Write everything out."""
-        return True
-
-
-def _flow_of_numbers(dumper: yaml.SafeDumper, values: list[Any]) -> yaml.Node:
-    flow = not any(isinstance(v, dict) for v in values)
-    return dumper.represent_sequence("tag:yaml.org,2002:seq", values, flow_style=flow)
-
-
-_Plain.add_representer(list, _flow_of_numbers)
-
-
-def _dumped(values: Any) -> str:
-    return yaml.dump(values, Dumper=_Plain, sort_keys=False, width=100)
+    told = f"Poses of {len(views)} stands as they are planned."
+    return choice_text([told], ["schema/given@_here_", "_self_"], {"views": views})

@@ -12,7 +12,6 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import matplotlib
 from matplotlib.figure import Figure
 
 from sldvexp.dataset import RunData, Source, is_void
@@ -22,9 +21,11 @@ from sldvexp.plot import (
     field_maps,
     image_points,
     line_scans,
+    model_pixels,
     nodal_values,
     point_spectra,
     shape,
+    stabilisation_diagram,
     strain_maps,
     sweep_comparison,
     velocity_images,
@@ -32,6 +33,7 @@ from sldvexp.plot import (
     volume_views,
 )
 from sldvexp.plot.layer import field_unavailable_because
+from sldvexp.plot.paper import settings_kept
 from sldvexp.plot.style import settings_of
 from sldvexp.writing import whole_or_nothing
 
@@ -61,6 +63,9 @@ FIGURES: dict[str, FigureEntry] = {
     ),
     "images": FigureEntry(velocity_images.images, velocity_images.unavailable_because),
     "point": FigureEntry(point_spectra.point, point_spectra.unavailable_because),
+    "stabilisation": FigureEntry(
+        stabilisation_diagram.stabilisation, stabilisation_diagram.unavailable_because
+    ),
     "volume": FigureEntry(volume_views.volume, volume_views.unavailable_because),
     "stands": FigureEntry(volume_views.stands, volume_views.stands_unavailable_because),
     "field": FigureEntry(field_maps.field, field_unavailable_because),
@@ -68,6 +73,7 @@ FIGURES: dict[str, FigureEntry] = {
     "nodal": FigureEntry(nodal_values.nodal, field_unavailable_because),
     "strain": FigureEntry(strain_maps.strain, strain_maps.unavailable_because),
     "hot_spots": FigureEntry(strain_maps.hot_spots, strain_maps.unavailable_because),
+    "model_shapes": FigureEntry(model_pixels.model_shapes, model_pixels.unavailable_because),
     "spectrum": FigureEntry(point_spectra.spectrum, point_spectra.spectrum_unavailable_because),
     "residuals": FigureEntry(view_residuals.residuals, view_residuals.unavailable_because),
     "sweep": FigureEntry(sweep_comparison.sweep, sweep_comparison.unavailable_because),
@@ -177,7 +183,7 @@ def save(
     look = settings_of(figure)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with matplotlib.rc_context(look), _laid_out(figure):
+        with settings_kept(look), _laid_out(figure):
             for file, suffix in zip(files, formats, strict=True):
                 about = {**FORMATS[suffix], "Title": title or path.name}
                 with whole_or_nothing(file) as beside:

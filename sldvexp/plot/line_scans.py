@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from sldvexp.dataset import VARIABLES, RunData, Source
 from sldvexp.errors import UserError
 from sldvexp.image import ScanLineEdges, ScanLines, gradient_edges
-from sldvexp.instrument import Status
+from sldvexp.instrument import RawSamples, Status
 from sldvexp.instrument.recording import JOURNAL, read_line
 from sldvexp.lazy import scipy
 from sldvexp.plot import style
@@ -194,7 +194,7 @@ def _image(run: RunData, view: str, name: str) -> tuple[Any, np.ndarray]:
     whole = [line for line in kept if line is not None]
     if not whole:
         raise UserError(f"plot: scan_lines: the view {view} has no whole scan line {name}")
-    samples = [line[2] for line in whole]
+    samples = [line[2] for line in whole if isinstance(line[2], RawSamples)]
     asked = whole[0][1]
     status = np.concatenate([s.status for s in samples])
     image = plugin(run, "signal", "scan_lines").demodulate(

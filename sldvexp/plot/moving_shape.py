@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from matplotlib import colormaps, rc_context, rcdefaults
+from matplotlib import colormaps, rcdefaults
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection, TriMesh
 from matplotlib.figure import Figure
@@ -118,7 +118,7 @@ class MovingShape:
         self.triangles = by_corners.get(3, np.empty((0, 3), np.int64))
         self.lines = by_corners.get(2, np.empty((0, 2), np.int64))
         self.dots = by_corners.get(1, np.unique(self.lines))
-        with rc_context():
+        with style.settings_kept():
             rcdefaults()
             self.figure = Figure((pixels[0] / DPI, pixels[1] / DPI), DPI, facecolor="#ffffff")
             self.canvas = FigureCanvasAgg(self.figure)

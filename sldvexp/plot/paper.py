@@ -8,6 +8,7 @@ columns, until another is asked for.
 from __future__ import annotations
 
 import re
+import threading
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -94,6 +95,17 @@ class Paper:
         return {**SETTINGS, **self.own}
 
 
+#: Settings of matplotlib are the whole process's, so that threads that draw take turns.
+_TURN = threading.RLock()
+
+
+@contextmanager
+def settings_kept(settings: Any = None) -> Iterator[None]:
+    """Draw with settings of matplotlib, or change them, while no other thread draws."""
+    with _TURN, matplotlib.rc_context(settings):
+        yield
+
+
 _PAPER: ContextVar[Paper | None] = ContextVar("paper", default=None)
 
 
@@ -114,7 +126,7 @@ def on_paper(width: float | None, style: Style) -> Iterator[None]:
     asked = Paper(now.width if width is None else width, {**now.own, **own_settings(style)})
     token = _PAPER.set(asked)
     try:
-        with matplotlib.rc_context():
+        with settings_kept():
             matplotlib.rcdefaults()
             matplotlib.rcParams.update(asked.settings)
             yield

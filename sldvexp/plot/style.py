@@ -29,6 +29,7 @@ from sldvexp.plot.paper import POINTS, Paper, Style, broken, long, on_paper, pap
 from sldvexp.plot.paper import fitting as fitting
 from sldvexp.plot.paper import inches as inches
 from sldvexp.plot.paper import narrow as narrow
+from sldvexp.plot.paper import settings_kept as settings_kept
 from sldvexp.typing import Array
 
 #: Colours of Okabe and Ito, which the colour-blind tell apart, in an order in which neighbours
@@ -129,7 +130,7 @@ def _picture() -> type[Figure]:
 
         def draw(self, renderer: Any) -> None:
             # what is arranged as it is drawn, such as ticks, is of this style too
-            with matplotlib.rc_context(self.paper.settings):
+            with settings_kept(self.paper.settings):
                 super().draw(renderer)
 
         def _repr_png_(self) -> bytes:

@@ -26,14 +26,9 @@ from sldvexp.units import LengthUnit
 NAME_A_FILE = "must name a registration file, or one for each view as {front: a.reg, left: b.reg}"
 
 
-@register("pose", "registration")
 @dataclass
-class Registration(FromPoints):
-    """Pose from a registration file (Section 4.6.2), without a starting guess.
-
-    Points that do not agree with the others are left out and named, so are points that have each
-    other's numbers, a mirrored object and a wrong unit (`sldvexp.pose.wrong_points`); a view whose
-    pose is not found does not end the others.
+class RegistrationFiles:
+    """Registration data that a pose method starts from: of files, or of this run.
 
     Parameters
     ----------
@@ -46,14 +41,12 @@ class Registration(FromPoints):
         Mirrors whose recorded angles grow the other way than in Eqs 4.2 and 4.3.
     """
 
-    judges_points: ClassVar[bool] = True
-
     path: Any = None
     unit: str = ""
     inverted: list[MirrorName] = field(default_factory=list)
 
-    def _check(self, checks: Checks) -> None:
-        super()._check(checks)
+    def check_files(self, checks: Checks) -> None:
+        """Note what is wrong with the fields above."""
         paths = self.path.values() if isinstance(self.path, dict) else [self.path]
         named = bool(self.path) and all(isinstance(p, str) and p for p in paths)
         checks.require(named or self.path is None, "path", NAME_A_FILE)
@@ -72,17 +65,10 @@ class Registration(FromPoints):
         """List the registration files."""
         return list(self.files().values())
 
-    def estimate(
-        self, laser: TwoMirror | None, target: Target | None, tree: Mapping[str, xr.Dataset]
-    ) -> PoseResult:
-        """Solve every view of the files, or those that a person found in this run."""
-        tables = self._tables() if self.path is not None else _scanned(tree)
-        # Points found in this run have just been measured: no target knows them better.
-        known = target if self.path is not None else None
-        return self.solve(tables, laser, known or measured_points(tables), self.inverted)
-
-    def _tables(self) -> list[RegistrationTable]:
-        """Read the registration data of all views."""
+    def tables(self, tree: Mapping[str, xr.Dataset]) -> list[RegistrationTable]:
+        """Read the registration data of all views of the files, or of this run."""
+        if self.path is None:
+            return _scanned(tree)
         unit = LengthUnit[self.unit] if self.unit else None
         tables: list[RegistrationTable] = []
         for view, path in self.files().items():
@@ -97,6 +83,32 @@ class Registration(FromPoints):
         if doubled := {n for n in names if names.count(n) > 1}:
             raise UserError(f"the view {doubled.pop()} is given twice")
         return tables
+
+
+@register("pose", "registration")
+@dataclass
+class Registration(RegistrationFiles, FromPoints):
+    """Pose from a registration file (Section 4.6.2), without a starting guess.
+
+    Points that do not agree with the others are left out and named, so are points that have each
+    other's numbers, a mirrored object and a wrong unit (`sldvexp.pose.wrong_points`); a view whose
+    pose is not found does not end the others.
+    """
+
+    judges_points: ClassVar[bool] = True
+
+    def _check(self, checks: Checks) -> None:
+        super()._check(checks)
+        self.check_files(checks)
+
+    def estimate(
+        self, laser: TwoMirror | None, target: Target | None, tree: Mapping[str, xr.Dataset]
+    ) -> PoseResult:
+        """Solve every view of the files, or those that a person found in this run."""
+        tables = self.tables(tree)
+        # Points found in this run have just been measured: no target knows them better.
+        known = target if self.path is not None else None
+        return self.solve(tables, laser, known or measured_points(tables), self.inverted)
 
 
 def _scanned(tree: Mapping[str, xr.Dataset]) -> list[RegistrationTable]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from enum import Enum
 from types import MappingProxyType
 from typing import Any, ClassVar, Self
 
@@ -19,8 +20,24 @@ from sldvexp.errors import Checks, UserError
 from sldvexp.files import unusable
 from sldvexp.geometry import KnownPose
 from sldvexp.laser import TwoMirror, dac_of_points
+from sldvexp.signal import Excitation, ExcitationKind, LineChoice
 from sldvexp.targets import Target
 from sldvexp.typing import Array, IntArray
+
+
+class Trigger(Enum):
+    """When the first record of a pixel starts; the others follow without a gap.
+
+    Attributes
+    ----------
+    generator
+        With the generator's own period, burst or blow.
+    free
+        At any time, as the beam comes to rest.
+    """
+
+    generator = "generator"
+    free = "free"
 
 
 @dataclass
@@ -31,16 +48,53 @@ class Sampling:
     ----------
     rate : float, Hz
     samples : int
+        Of a record.
     frequency : list of float, Hz
-        Of the excitation.
+        Of a sine; all others have a band.
     amplitude : float, V
-        Peak of each frequency.
+        Of the excitation: the peak of each frequency of a sine, the r.m.s. of any other while it
+        plays, the peak of a hammer's blow.
+    excitation : ExcitationKind
+        Any but a sine needs signal=response, and is measured in several records.
+    band : list of 2 float, Hz
+        Lowest and highest frequency of all but a sine.
+    lines : LineChoice
+        Lines of the band that a multisine or a pseudo-random signal excites.
+    seed : int
+        Of what is random about it.
+    burst : float
+        Share of the record that a random burst plays for.
+    decay : float, s
+        Time constant of a hammer's exponential window; 0 for none.
+    records : int
+        That are averaged; of a sine a pixel has one, whatever this says.
+    lead : int, optional
+        Records that are let go by after each move, before the first that counts; without it one of
+        a signal that repeats, in which what the generator's start set off dies, and else none.
+    trigger : Trigger
+    again : int
+        How many records of a pixel may be taken again in the place of those that an overload, a
+        lost signal or a missed trigger spoilt.
+    spare : float, s
+        Time for samples at the end of each view, in which pixels of the worst coherence are
+        measured once more.
     """
 
     rate: float = 25600.0
     samples: int = 512
     frequency: list[float] = field(default_factory=lambda: [450.0])
     amplitude: float = 1.0
+    excitation: ExcitationKind = ExcitationKind.sine
+    band: list[float] = field(default_factory=lambda: Excitation().band)
+    lines: LineChoice = Excitation.lines
+    seed: int = Excitation.seed
+    burst: float = Excitation.burst
+    decay: float = Excitation.decay
+    records: int = 10
+    lead: int | None = None
+    trigger: Trigger = Trigger.generator
+    again: int = 10
+    spare: float = 0.0
 
     def check(self, checks: Checks, name: str) -> None:
         """Note under `name` what is wrong."""
@@ -48,11 +102,97 @@ class Sampling:
         checks.positive(f"{name}.amplitude", self.amplitude)
         enough = f"must be at least 16, not {self.samples}"
         checks.require(self.samples >= 16, f"{name}.samples", enough)
-        checks.require(bool(self.frequency), f"{name}.frequency", "needs at least one frequency")
+        if self.excitation is ExcitationKind.sine:
+            self._check_tones(checks, f"{name}.frequency")
+        else:
+            self._check_band(checks, name)
+        for key in ("lead", "again"):
+            value = getattr(self, key) or 0
+            checks.require(value >= 0, f"{name}.{key}", f"must be 0 or more, not {value}")
+        few = f"must be 2 or more, for one alone tells no error, not {self.records}"
+        checks.require(self.records >= 2, f"{name}.records", few)
+        checks.non_negative(f"{name}.spare", self.spare)
+
+    def _check_tones(self, checks: Checks, name: str) -> None:
+        checks.require(bool(self.frequency), name, "needs at least one frequency")
         for hertz in self.frequency:
-            checks.positive(f"{name}.frequency", hertz)
+            checks.positive(name, hertz)
             too_high = f"{hertz:g} Hz needs a rate above {2 * hertz:g} Hz"
-            checks.require(2 * hertz < self.rate, f"{name}.frequency", too_high)
+            checks.require(2 * hertz < self.rate, name, too_high)
+
+    def _check_band(self, checks: Checks, name: str) -> None:
+        known = len(checks.problems)
+        self.played.check(checks, name)
+        told = (
+            f"must be generator, for a record of {self.excitation.name} that starts at any time "
+            "holds a part of it"
+        )
+        begun = self.excitation in (ExcitationKind.burst_random, ExcitationKind.hammer)
+        checks.require(self.trigger is Trigger.generator or not begun, f"{name}.trigger", told)
+        if len(checks.problems) > known:
+            return
+        low, high = self.band
+        too_high = f"up to {high:g} Hz needs a rate above {2 * high:g} Hz"
+        checks.require(2 * high < self.rate, f"{name}.band", too_high)
+        spacing = self.rate / self.samples
+        empty = (
+            f"has no line of a record of {1 / spacing:g} s, whose lines are {spacing:g} Hz apart"
+        )
+        lines = int(high / spacing) >= max(1, low / spacing)
+        checks.require(lines, f"{name}.band", empty)
+
+    @property
+    def played(self) -> Excitation:
+        """What the generator plays."""
+        return Excitation(
+            self.excitation,
+            self.band,
+            self.amplitude,
+            self.lines,
+            self.seed,
+            self.burst,
+            self.decay,
+        )
+
+    @property
+    def triggered(self) -> bool:
+        """True if records start with the generator."""
+        return self.trigger is Trigger.generator
+
+    @property
+    def broadband(self) -> bool:
+        """True if anything but a sine is played."""
+        return self.excitation is not ExcitationKind.sine
+
+    @property
+    def let_go(self) -> int:
+        """Records that are let go by after each move."""
+        return self.played.lead if self.lead is None else self.lead
+
+    @property
+    def samples_in_all(self) -> int:
+        """Samples behind each pixel."""
+        return self.samples * (self.records if self.broadband else 1)
+
+    @property
+    def seconds(self) -> float:
+        """Time that a pixel takes, s."""
+        let_go = self.let_go * self.samples if self.broadband else 0
+        return (let_go + self.samples_in_all) / self.rate
+
+    def amplitude_at(self, frequency: ArrayLike) -> Array:
+        """Give the nominal amplitude of the reference at lines, shape (line,), V.
+
+        Parameters
+        ----------
+        frequency : array_like, shape (line,), Hz
+        """
+        hertz = np.atleast_1d(np.asarray(frequency, float))
+        if not self.broadband:
+            return np.full(len(hertz), self.amplitude)
+        design = self.played.design(self.rate, self.samples)
+        nearest = np.abs(design.frequency - hertz[:, None]).argmin(axis=1)
+        return design.reference_amplitude[nearest]
 
 
 class Scan(ABC):
@@ -145,7 +285,7 @@ class ScanPart(Scan):
 
     def seconds(self, view: str) -> float:
         """Estimate how long a view's samples take, s."""
-        return self.pixel_count(view) * self.sampling.samples / self.sampling.rate
+        return self.pixel_count(view) * self.sampling.seconds
 
 
 def check_view_names(checks: Checks, views: Iterable[str]) -> None:

@@ -25,10 +25,16 @@ from sldvexp.scan.base import (
     check_view_names,
 )
 from sldvexp.targets import Circles, Target
-from sldvexp.typing import IntArray
+from sldvexp.targets.shadows import SPAN
+from sldvexp.typing import Array, IntArray
 
 #: Steps of the smaller range of a mirror's board: no line has more pixels.
 MOST_PIXELS = 8193
+#: Stride of coarse lines over that of fine ones, at most: an ellipse of coarse lines is placed to a
+#: few of their pixels, and the fine lines must still meet the edge.
+COARSER = 4
+#: Steps of a board whose lines are contiguous; one of more steps takes so many times the stride.
+CONTIGUOUS = 8192
 
 
 class EdgeMethod(Enum):
@@ -50,14 +56,15 @@ class CircleLines:
         Of each line.
     window : int
         Of the median filter along the line, pixels.
-    stride : int
-        DAC steps from one pixel to the next; a 16-bit board needs eight times as many.
+    stride : int, optional
+        DAC steps from one pixel to the next. Without it as many as the circle needs that a rough
+        pose predicts; where only rough centres are given 1, and 8 on a 16-bit board.
     """
 
     lines: int
     pixels: int
     window: int
-    stride: int = 1
+    stride: int | None = None
 
     def check(self, checks: Checks, name: str) -> None:
         """Note under `name` what is wrong."""
@@ -67,7 +74,7 @@ class CircleLines:
         most = f"must be at most the {MOST_PIXELS} steps of a mirror, not {self.pixels}"
         checks.require(self.pixels <= MOST_PIXELS, f"{name}.pixels", most)
         forward = f"must be at least 1, not {self.stride}"
-        checks.require(self.stride >= 1, f"{name}.stride", forward)
+        checks.require(self.stride is None or self.stride >= 1, f"{name}.stride", forward)
         odd = f"must be odd and shorter than the line, not {self.window}"
         good = self.window % 2 == 1 and 0 < self.window < self.pixels
         checks.require(good, f"{name}.window", odd)
@@ -138,6 +145,8 @@ class CalibrationScan(ScanPart):
         self.coarse.check(checks, "coarse")
         self.fine.check(checks, "fine")
         self.sampling.check(checks, "sampling")
+        told = "must be sine: the edges of circles are found by the phase of one frequency"
+        checks.require(not self.sampling.broadband, "sampling.excitation", told)
         checks.done()
 
     def aimed(
@@ -171,6 +180,38 @@ class CalibrationScan(ScanPart):
         names = [f"circle {number}" for number in target.circles]
         steps = aim_points(view, target.outlines().mean(axis=1), names, pose, laser)
         return np.rint(steps).astype(np.int64)
+
+    def strides(self, laser: TwoMirror, half_chord: Array | None = None) -> tuple[IntArray, int]:
+        """Choose the strides of coarse and fine lines across a circle, where they are not set.
+
+        Parameters
+        ----------
+        half_chord : ndarray, shape (line,), steps, optional
+            How far the circle's edge is from its middle along each coarse line, by the mirror that
+            moves faster.
+
+        Returns
+        -------
+        coarse : ndarray of int, shape (line,)
+        fine : int
+
+        Examples
+        --------
+        A circle of 40 mm at 1.3 m is 290 steps of 12 bits wide, and 300 pixels do not reach across:
+
+        >>> CalibrationScan().strides(TwoMirror(), np.array([145.0, 90, 90]))
+        (array([2, 1, 1]), 1)
+        """
+        low, high = laser.board.value
+        usual = max(1, round((high - low) / CONTIGUOUS))
+        coarse = np.full(self.coarse.lines, self.coarse.stride or usual)
+        if half_chord is not None and self.coarse.stride is None:
+            coarse = self.strides_across(half_chord)
+        return coarse, self.fine.stride or max(usual, -(-int(coarse.max()) // COARSER))
+
+    def strides_across(self, half_chord: Array) -> IntArray:
+        """Choose strides with which coarse lines reach well beyond a circle, shape (line,)."""
+        return np.maximum(np.ceil(SPAN * half_chord / (self.coarse.pixels // 2)), 1).astype(int)
 
     def centres(self, view: str) -> IntArray:
         """Return rough centres of a view's circles, shape (circle, 2), steps."""

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from sldvexp.typing import Array, IntArray
 
 
-def across(centre: ArrayLike, lines: int, pixels: int, stride: int = 1) -> IntArray:
+def across(centre: ArrayLike, lines: int, pixels: int, stride: ArrayLike = 1) -> IntArray:
     """Lay lines through a rough centre, turned evenly against one another.
 
     Parameters
@@ -19,18 +19,55 @@ def across(centre: ArrayLike, lines: int, pixels: int, stride: int = 1) -> IntAr
     centre : array_like, shape (2,), steps
     lines : int
         The dissertation's three give six edge points, one more than a conic needs.
-    stride : int, steps
+    stride : int or array_like of int, shape (line,), steps
         From one pixel to the next along the mirror that moves faster; 1 scans contiguously.
 
     Returns
     -------
     ndarray of int, shape (line, pixel, 2)
     """
+    along = np.arange(pixels) - pixels // 2
+    paces = np.asarray(stride).reshape(-1, 1, 1) * directions(lines)[:, None]
+    return _whole(np.asarray(centre, float) + along[:, None] * paces)
+
+
+def directions(lines: int) -> Array:
+    """Give the directions of `across`, one step of the faster mirror long, shape (line, 2).
+
+    Examples
+    --------
+    >>> directions(2).round(3) + 0.0
+    array([[0., 1.],
+           [1., 0.]])
+    """
     angle = np.pi * np.arange(lines) / lines
     direction = np.stack([np.sin(angle), np.cos(angle)], axis=-1)
-    direction /= np.abs(direction).max(axis=-1, keepdims=True)
-    along = stride * (np.arange(pixels) - pixels // 2)
-    return _whole(np.asarray(centre, float) + along[:, None] * direction[:, None, :])
+    return np.asarray(direction / np.abs(direction).max(axis=-1, keepdims=True))
+
+
+def half_chords(outline: ArrayLike, lines: int) -> Array:
+    """Find how far an ellipse reaches from its middle along each line of `across`, shape (line,).
+
+    Parameters
+    ----------
+    outline : array_like, shape (corner, 2), steps
+        Points around the ellipse, even in its parameter: their covariance is half of ``A A'``, and
+        ``x = t d`` is on the ellipse where ``t^2 d' (A A')^-1 d = 1``.
+
+    Returns
+    -------
+    ndarray, steps of the mirror that moves faster
+
+    Examples
+    --------
+    >>> turn = np.arange(8) * np.pi / 4
+    >>> half_chords(np.stack([5 * np.sin(turn), 20 * np.cos(turn)], axis=-1), 2).round(6)
+    array([20.,  5.])
+    """
+    corners = np.asarray(outline, float)
+    shape = 2 * np.cov(corners.T, bias=True)
+    along = directions(lines)
+    return np.asarray(1 / np.sqrt(np.einsum("li,ij,lj->l", along, np.linalg.inv(shape), along)))
 
 
 def along_ellipse(
@@ -61,9 +98,26 @@ def along_ellipse(
     tangent = -np.sin(t)[:, None] * a + np.cos(t)[:, None] * b
     normal = np.stack([tangent[:, 1], -tangent[:, 0]], axis=-1)
     normal *= np.sign(np.sum(normal * (point - centre), axis=-1, keepdims=True))
-    normal /= np.abs(normal).max(axis=-1, keepdims=True)
+    return laid(point, normal, pixels, stride)
+
+
+def laid(point: ArrayLike, direction: ArrayLike, pixels: int, stride: int = 1) -> IntArray:
+    """Lay lines through places along directions, the places in their middles.
+
+    Parameters
+    ----------
+    point, direction : array_like, shape (line, 2), steps and unit vectors
+    stride : int, steps
+        As in `across`.
+
+    Returns
+    -------
+    ndarray of int, shape (line, pixel, 2)
+    """
+    ahead = np.asarray(direction, float)
+    ahead = ahead / np.abs(ahead).max(axis=-1, keepdims=True)
     offset = stride * (np.arange(pixels) - pixels // 2)
-    return _whole(point[:, None, :] + offset[:, None] * normal[:, None, :])
+    return _whole(np.asarray(point, float)[:, None, :] + offset[:, None] * ahead[:, None, :])
 
 
 def rectangle(corners: ArrayLike, rows: int, columns: int) -> IntArray:

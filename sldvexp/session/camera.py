@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import dataclass, field
 
+from sldvexp.dataset import Finding
 from sldvexp.errors import UserError
 from sldvexp.geometry import KnownPose
 from sldvexp.instrument import Acquisition, Instrument, RawSamples
@@ -18,14 +19,17 @@ from sldvexp.instrument.bench import make_safe
 from sldvexp.instrument.person import GuideMaker, Person
 from sldvexp.laser import TwoMirror
 from sldvexp.scan import Sampling
-from sldvexp.session.journal import Journal
+from sldvexp.session.journal import Journal, Measured
 from sldvexp.session.keyboard import Keyboard, TerminalLostError
+from sldvexp.session.records import Averaging, acquisition_of, require_records
 from sldvexp.session.watching import LineDone, Watcher, complex_pixels
-from sldvexp.signal import ComplexImage, SignalEstimator
+from sldvexp.signal import ComplexImage, Response, SignalEstimator
 from sldvexp.stopping import Stopped, undisturbed
 from sldvexp.targets import Target
 from sldvexp.typing import IntArray
 
+#: Number of the first line of pixels that are measured once more.
+ONCE_MORE_FROM = 2**24
 #: Sampling of a pixel that somebody aims by.
 LOOK = Acquisition(rate=25600.0, samples=64, excitation=())
 
@@ -133,6 +137,7 @@ class Camera:
         self._instrument: Instrument | None = None
         self._wanted: Acquisition | None = None
         self._set: Acquisition | None = None
+        self._averages: Averaging | None = None
         self._taken, self._repeated = 0, planned
 
     def __enter__(self) -> Camera:
@@ -161,8 +166,10 @@ class Camera:
 
     def sample(self, sampling: Sampling) -> None:
         """Say how all pixels that follow are sampled."""
-        s = sampling
-        self._wanted = Acquisition(s.rate, s.samples, tuple(s.frequency), s.amplitude)
+        require_records([sampling], self.signal)
+        self._wanted, self._averages = acquisition_of(sampling), None
+        if isinstance(self.signal, Response) and sampling.broadband:
+            self._averages = Averaging(self.signal, self._wanted, sampling.again)
 
     def look(self) -> RawSamples:
         """Sample a pixel where the beam stands: few samples, the generator off."""
@@ -194,17 +201,46 @@ class Camera:
         ViewSkipped
             If the watcher wishes it, and what is done is of no use.
         """
+        done = self.scanned(name, lines, in_part)
+        samples = [line for line in done if isinstance(line, RawSamples)]
+        return complex_pixels(self.signal, self.acquisition, samples)
+
+    @property
+    def acquisition(self) -> Acquisition:
+        """How pixels are sampled, as was said last."""
+        assert self._wanted is not None, "call sample first"
+        return self._wanted
+
+    def scanned(
+        self, name: str, lines: Sequence[IntArray], in_part: bool = False
+    ) -> list[Measured]:
+        """Scan some lines; samples of each, or the sums of its records. See `image`."""
         assert self._wanted is not None, "call sample first"
         first, self._taken = self._taken, self._taken + len(lines)
-        done: list[RawSamples] = []
+        done: list[Measured] = []
         while not self._skips(name, lines, done, first) and len(done) < len(lines):
             done.append(self._line(name, lines, len(done), first))
         if len(done) < len(lines) and not (in_part and done):
             raise ViewSkipped
-        return complex_pixels(self.signal, self._wanted, done)
+        return done
+
+    def once_more(self, name: str, place: int, dac: IntArray) -> Measured:
+        """Measure a line of pixels that were measured already, of which no watcher is told."""
+        return self.journal.line(
+            line_name(name, place),
+            dac,
+            self.acquisition,
+            lambda: self._measure(dac, ONCE_MORE_FROM + place),
+        )
+
+    def _measure(self, dac: IntArray, number: int) -> Measured:
+        """Measure a line, of which nothing is in the journal."""
+        if self._averages is None:
+            return self.instrument.scan(dac, stream=number)
+        return self._averages.measure(self.instrument, dac, number)
 
     def _skips(
-        self, name: str, lines: Sequence[IntArray], done: list[RawSamples], first: int
+        self, name: str, lines: Sequence[IntArray], done: list[Measured], first: int
     ) -> bool:
         """Do what the watcher wishes before the next line; True if the rest is left out."""
         if self._left == (name, len(done)):
@@ -228,7 +264,7 @@ class Camera:
 
     def _line(
         self, name: str, lines: Sequence[IntArray], place: int, first: int, again: bool = False
-    ) -> RawSamples:
+    ) -> Measured:
         """Scan one line; its number in the view makes a repeated one the same on a virtual lab.
 
         One that is scanned again on purpose gets a number of its own, and so another noise.
@@ -238,10 +274,10 @@ class Camera:
         if again:
             number, self._repeated = self._repeated, self._repeated + 1
 
-        def measure() -> RawSamples:
+        def measure() -> Measured:
             nonlocal scanned
             scanned = True
-            return self.instrument.scan(dac, stream=number)
+            return self._measure(dac, number)
 
         where = line_name(name, place)
         if again:
@@ -275,6 +311,8 @@ class ViewContext:
         The view's rough pose once its circles have corrected it, for what is scanned after them.
     guide : callable, optional
         Makes who tells a person where marks lie.
+    findings : list of Finding
+        What is wrong with what was scanned.
     """
 
     view: str
@@ -284,3 +322,4 @@ class ViewContext:
     operator: Operator
     poses: dict[str, KnownPose] = field(default_factory=dict)
     guide: GuideMaker | None = None
+    findings: list[Finding] = field(default_factory=list)

@@ -29,7 +29,12 @@ from sldvexp.lazy import xarray as xr
 from sldvexp.scan.calibration import CalibrationScan, EdgeMethod
 from sldvexp.scan.lines import across, along_ellipse
 from sldvexp.session.camera import Camera, ViewContext, line_name
-from sldvexp.session.search import corrected_by_circles, search_circles
+from sldvexp.session.search import (
+    STAND_ELSEWHERE,
+    RoughCircle,
+    corrected_by_circles,
+    search_circles,
+)
 from sldvexp.signal import ComplexImage, instrument_fault
 from sldvexp.signal.instrument_faults import MOST, moving
 from sldvexp.targets import Circles
@@ -49,16 +54,16 @@ def scan_calibration(scan: CalibrationScan, at: ViewContext) -> dict[str, xr.Dat
     rough = scan.views[at.view].pose
     at.camera.sample(scan.sampling)
     try:
-        centres = search_circles(scan, at) if rough else scan.centres(at.view)
+        circles = search_circles(scan, at) if rough else [*map(RoughCircle, scan.centres(at.view))]
     except UserError as error:
         raise UserError(f"scan: in the view {at.view}, {error}") from None
-    if isinstance(at.target, Circles) and len(centres) != len(at.target.circles):
+    if isinstance(at.target, Circles) and len(circles) != len(at.target.circles):
         raise UserError(
-            f"scan: the view {at.view} has {len(centres)} rough centres, but the calibration "
+            f"scan: the view {at.view} has {len(circles)} rough centres, but the calibration "
             f"object has {len(at.target.circles)} circles; give each of them one"
         )
     try:
-        edges = scan_circles(at.camera, scan, centres, at.laser)
+        edges = scan_circles(at.camera, scan, circles, at.laser)
     except UserError as error:
         raise UserError(f"scan: in the view {at.view}, {error}") from None
     if rough:
@@ -79,14 +84,14 @@ def circle_lines(scan: CalibrationScan, view: str) -> dict[str, int]:
 
 
 def scan_circles(
-    camera: Camera, scan: CalibrationScan, centres: IntArray, laser: TwoMirror
+    camera: Camera, scan: CalibrationScan, circles: Sequence[RoughCircle], laser: TwoMirror
 ) -> list[ScanLineEdges]:
     """Scan every circle of a view, coarsely and then finely, and find its edge points.
 
     Parameters
     ----------
-    centres : ndarray of int, shape (circle, 2), steps
-        Rough centres, in any order.
+    circles : sequence of RoughCircle
+        In any order.
     laser : TwoMirror
         Its board limits the lines.
 
@@ -100,7 +105,8 @@ def scan_circles(
     UserError
         If a circle is not where it should be; it says what was seen.
     """
-    looks = [_look(camera, scan, k, centre, laser) for k, centre in enumerate(centres, 1)]
+    looks = [_look(camera, scan, k, circle, laser) for k, circle in enumerate(circles, 1)]
+    centres = np.array([circle.centre for circle in circles])
     require_circles(looks, camera.journal.folder, _other_board(centres, laser))
     return [_edges(camera, scan, k, look, laser) for k, look in enumerate(looks, 1)]
 
@@ -119,17 +125,17 @@ def _other_board(centres: IntArray, laser: TwoMirror) -> str:
 
 
 def _look(
-    camera: Camera, scan: CalibrationScan, number: int, centre: IntArray, laser: TwoMirror
+    camera: Camera, scan: CalibrationScan, number: int, circle: RoughCircle, laser: TwoMirror
 ) -> CoarseScan:
     """Scan coarse lines across one circle; the ellipse that they show."""
-    name = f"the circle around DAC steps ({centre[0]}, {centre[1]})"
+    stride, finer = scan.strides(laser, circle.half_chord)
     key = f"{number}_{COARSE}"
     stage = scan.coarse
-    dac = _on_board(across(centre, stage.lines, stage.pixels, stage.stride), laser)
+    dac = _on_board(across(circle.centre, stage.lines, stage.pixels, stride), laser)
     image = camera.image(key, list(dac))
-    look = CoarseScan(name, f"{key}_*", image)
+    look = CoarseScan(circle.name, f"{key}_*", image, finer, circle.shade)
     try:
-        seen = gradient_edges(_lines(image, dac, name), 2, scan.coarse.window)
+        seen = gradient_edges(_lines(image, dac, circle.name), 2, scan.coarse.window)
         return replace(look, ellipse=fit_circle(seen, "algebraic")[0].ellipse)
     except UserError as error:
         return replace(look, problem=str(error))
@@ -144,14 +150,16 @@ def _edges(
     length, direction = principal_axes(look.ellipse.parameters)
     axes = (direction * length).T
     stage = scan.fine
-    fine = along_ellipse(look.ellipse.centre, axes, stage.lines, stage.pixels, stage.stride)
+    fine = along_ellipse(look.ellipse.centre, axes, stage.lines, stage.pixels, look.finer)
     dac = _on_board(fine, laser)
     image = camera.image(key, list(dac))
     found = PLACE[scan.edge](_lines(image, dac, look.name), 1, scan.fine.window)
     try:
         fit_circle(found)
-    except UserError:
+    except UserError as error:
         require_instrument(image, look.name, camera.journal.folder / f"{key}_*", MANY)
+        if look.shade:
+            raise UserError(f"{look.shade}; {STAND_ELSEWHERE} ({error})") from None
         raise
     return found
 
@@ -249,6 +257,10 @@ class CoarseScan:
     files : str
         Pattern of its scan lines' files.
     image : ComplexImage
+    finer : int, steps
+        Stride of the fine lines that follow.
+    shade : str
+        Which other circles hide this one.
     ellipse : Ellipse or None
     problem : str
         Why there is none.
@@ -257,6 +269,8 @@ class CoarseScan:
     name: str
     files: str
     image: ComplexImage
+    finer: int = 1
+    shade: str = ""
     ellipse: Ellipse | None = None
     problem: str = ""
 
@@ -292,11 +306,13 @@ def require_circles(looks: Sequence[CoarseScan], folder: Path, suspicion: str = 
         if look.ellipse is None:
             require_instrument(look.image, look.name, folder, MANY)
             raise UserError(_no_ellipse(look))
-    found = [(look.name, look.ellipse) for look in looks if look.ellipse is not None]
-    for (name, one), (other_name, other) in itertools.combinations(found, 2):
+    found = [(look, look.ellipse) for look in looks if look.ellipse is not None]
+    for (look, one), (other_look, other) in itertools.combinations(found, 2):
         if np.linalg.norm(one.centre - other.centre) < one.semi_axes[0]:
+            if shade := look.shade or other_look.shade:
+                raise UserError(f"{shade}; {STAND_ELSEWHERE}")
             raise UserError(
-                f"{name} and {other_name} are one and the same, in fact around "
+                f"{look.name} and {other_look.name} are one and the same, in fact around "
                 f"({one.centre[0]:.0f}, {one.centre[1]:.0f}); give every circle one rough centre"
             )
 
@@ -305,8 +321,11 @@ def _no_ellipse(look: CoarseScan) -> str:
     """Say what may be wrong with lines that show a motion, but no circle."""
     longer = (
         "give the lines more pixels or a larger stride: coarse.pixels and coarse.stride, below "
-        "scan, or in a session below scan.calibration; a 16-bit board needs eight times the stride"
+        "scan, or in a session below scan.calibration; with a rough pose and no coarse.stride the "
+        "circle's size tells it"
     )
+    if look.shade:
+        return f"{look.shade}; {STAND_ELSEWHERE} ({look.problem})"
     if np.mean(moving(look.image)) > NEARLY_ALL:
         return f"{look.name}: everything on its lines moves, they do not reach its edge; {longer}"
     return f"{look.problem}; put the rough centre nearer to the circle's middle, or {longer}"

@@ -10,11 +10,33 @@ from sldvexp.errors import UserError
 from sldvexp.lazy import xarray as xr
 from sldvexp.scan import ImageScan
 from sldvexp.session.camera import ViewContext, line_name
-from sldvexp.signal import ComplexImage, Flag, instrument_fault
+from sldvexp.session.records import added, once_more
+from sldvexp.signal import (
+    ComplexImage,
+    Flag,
+    RecordFault,
+    Response,
+    ResponseImage,
+    ResponseSums,
+    find_response_findings,
+    instrument_fault,
+)
 from sldvexp.typing import Array, IntArray
 
 #: Of an image's lines in the journal.
 NAME = "image"
+#: Of lines of pixels that are measured once more.
+ONCE_MORE = "once_more"
+#: Share of the pixels from which a fault is the instrument's.
+MOST = 0.5
+#: What a flag of most pixels of averaged records tells about the instrument.
+FAULTS = {
+    Flag.reference_missing: "the reference channel has no signal; the generator's output is off, "
+    "its cable is not plugged in, or triggers were missed",
+    Flag.saturated: "records are over range; choose a larger range or a smaller amplitude",
+    Flag.dropped_out: "no light comes back; the laser's shutter is closed, or the beam falls "
+    "beside everything",
+}
 #: Level at which a record's constant is judged; its p-value, which is kept, needs none.
 TESTED = 0.95
 
@@ -30,20 +52,58 @@ def scan_image(scan: ImageScan, at: ViewContext) -> dict[str, xr.Dataset]:
     at.camera.sample(scan.sampling)
     scan = scan.aimed(at.laser, at.target, at.poses)
     lines = scan.lines(at.view)
-    image = at.camera.image(NAME, lines, in_part=True)
+    every = np.concatenate(lines)
+    image: ComplexImage | ResponseImage
+    if scan.sampling.broadband:
+        image = _responses(at, lines, every, scan.sampling.spare)
+    else:
+        image = at.camera.image(NAME, lines, in_part=True)
     if (image.flags != 0).all():
-        why = instrument_fault(image) or "for more than one reason"
+        why = _fault(image) or "for more than one reason"
         raise UserError(
             f"scan: in the image of the view {at.view} {describe_flagged_pixels(image.flags)}: "
             f"{why}; put it right, then delete {at.camera.journal.folder / NAME}_* and resume "
             "the run"
         )
-    every = np.concatenate(lines)
     dac = every[: len(image.flags)]  # all, unless the rest was skipped
-    group = image_to_dataset(image, dac, at.laser.angle_from_dac(dac), scan.sampling.frequency)
+    angle = at.laser.angle_from_dac(dac)
+    if isinstance(image, ResponseImage):
+        group = response_to_dataset(image, dac, angle)
+    else:
+        group = image_to_dataset(image, dac, angle, scan.sampling.frequency)
     if (shape := scan.shape(at.view)) and len(dac) == len(every):
         group.attrs["shape"] = list(shape)
     return {f"image/{at.view}": group}
+
+
+def _responses(
+    at: ViewContext, lines: list[IntArray], every: IntArray, spare: float
+) -> ResponseImage:
+    """Average the records of all pixels, then those of the worst once more."""
+    camera = at.camera
+    found = [s for s in camera.scanned(NAME, lines, in_part=True) if isinstance(s, ResponseSums)]
+    sums = ResponseSums.concatenated(found)
+    if not camera.skipped:
+        worst = once_more(sums, every, camera.acquisition.seconds, spare)
+        for place, (pixels, dac) in enumerate(worst):
+            more = camera.once_more(ONCE_MORE, place, dac)
+            assert isinstance(more, ResponseSums)
+            sums = added(sums, more, pixels)
+    signal, design = camera.signal, camera.acquisition.drive
+    assert isinstance(signal, Response)
+    assert design is not None
+    at.findings.extend(find_response_findings(sums, design, at.view))
+    return signal.image(sums, design)
+
+
+def _fault(image: ComplexImage | ResponseImage) -> str:
+    """Say what is wrong with the instrument, told by pixels of which none is good."""
+    if isinstance(image, ComplexImage):
+        return instrument_fault(image)
+    for flag, why in FAULTS.items():
+        if (image.flags & flag != 0).mean() > MOST:
+            return why
+    return ""
 
 
 def image_lines(scan: ImageScan, view: str) -> dict[str, int]:
@@ -95,12 +155,66 @@ def image_to_dataset(
         f_p_value=np.stack([test.p_value for test in tests], axis=1),
         harmonics=np.stack([each.used for each in tried], axis=1) if tried else None,
         harmonic_p_value=np.stack([each.p_value for each in tried], axis=1) if tried else None,
+        reference_amplitude=_reference_amplitude(image),
     )
+    return _with_flags(group, image.flags)
+
+
+def response_to_dataset(image: ResponseImage, dac: IntArray, angle: Array) -> xr.Dataset:
+    """Make the group ``image/<view>`` of response functions.
+
+    Parameters
+    ----------
+    dac : ndarray of int, shape (pixel, 2), steps
+    angle : ndarray, shape (pixel, 2), rad
+
+    Returns
+    -------
+    xarray.Dataset
+        As `image_to_dataset` makes it, with the records behind each pixel.
+    """
+    design = image.design
+    group = dataset.group(
+        "image",
+        {
+            "pixel": np.arange(len(dac)),
+            "frequency": image.frequencies,
+            "fault": [str(fault.name) for fault in RecordFault],
+        },
+        velocity=image.velocity,
+        velocity_std=image.std,
+        angle=angle,
+        dac=dac,
+        flags=image.flags,
+        reference_amplitude=image.reference_amplitude,
+        coherence=image.coherence,
+        records=image.records,
+        left_out=image.left_out,
+    )
+    group.attrs |= {
+        "excitation": design.excitation.kind.name,
+        "estimator": image.estimator.name,
+        "record_seconds": design.record_seconds,
+    }
+    if design.excitation.decay > 0:
+        group.attrs["window_decay"] = design.excitation.decay
+    return _with_flags(group, image.flags)
+
+
+def _reference_amplitude(image: ComplexImage) -> Array:
+    """Take the median of the good pixels' references, or of all if none is good, V."""
+    amplitude = np.abs(image.reference_fit.phasor)
+    good = image.flags == 0
+    return np.asarray(np.median(amplitude[good] if good.any() else amplitude, axis=0), float)
+
+
+def _with_flags(group: xr.Dataset, flags: NDArray[np.uint8]) -> xr.Dataset:
+    """Say what flags mean, and how many pixels have them."""
     group["flags"].attrs |= {
         "flag_masks": np.array([flag.value for flag in Flag], np.uint8),
         "flag_meanings": " ".join(str(flag.name) for flag in Flag),
     }
-    group.attrs["summary"] = describe_flagged_pixels(image.flags)
+    group.attrs["summary"] = describe_flagged_pixels(flags)
     return group
 
 

@@ -16,10 +16,14 @@ from sldvexp.files import read_bytes
 from sldvexp.instrument import Acquisition, RawSamples
 from sldvexp.instrument.person import read_answer, write_answer
 from sldvexp.instrument.recording import asked, read_left, read_line, write_left, write_line
+from sldvexp.signal import ResponseSums
 from sldvexp.typing import IntArray
 from sldvexp.writing import make_folder, whole_or_nothing
 
 log = logging.getLogger(__name__)
+
+#: What is kept of a scan line: its samples, or the sums of its records.
+Measured = RawSamples | ResponseSums
 
 #: Digest of all that decides what is measured, in the folder of the lines.
 CONFIGURATION = "configuration.sha256"
@@ -44,9 +48,9 @@ class Journal:
         name: str,
         dac: IntArray,
         acquisition: Acquisition,
-        measure: Callable[[], RawSamples],
-    ) -> RawSamples:
-        """Return the samples of a line: those kept earlier, or measured now and kept.
+        measure: Callable[[], Measured],
+    ) -> Measured:
+        """Return the samples of a line, or their sums: kept earlier, or measured now and kept.
 
         Parameters
         ----------
@@ -78,8 +82,8 @@ class Journal:
         name: str,
         dac: IntArray,
         acquisition: Acquisition,
-        measure: Callable[[], RawSamples],
-    ) -> RawSamples:
+        measure: Callable[[], Measured],
+    ) -> Measured:
         """Measure a line and keep it, in the place of what was kept of it, if anything was."""
         samples = measure()
         write_line(self.folder / f"{name}.npz", dac, acquisition, samples, self.lasting)
@@ -143,6 +147,12 @@ class Journal:
         if path.exists():
             earlier = len(list(self.folder.glob(f".{name}.*.json")))
             path.replace(self.folder / f".{name}.{earlier + 1}.json")
+
+
+def lines_kept(folder: Path) -> dict[str, int]:
+    """Count the scan lines that a run's journal has of each view."""
+    views = (path for path in folder.glob("[!.]*") if path.is_dir())
+    return {view.name: len(list(view.glob("[!.]*.npz"))) for view in sorted(views)}
 
 
 def require_same(folder: Path, configuration: object) -> None:

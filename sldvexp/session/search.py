@@ -17,22 +17,30 @@ import numpy as np
 from sldvexp.errors import UserError
 from sldvexp.geometry import KnownPose, euler_from_rotation
 from sldvexp.laser import corrected_pose, dac_of_points
+from sldvexp.laser.aiming import FOUND
 from sldvexp.lazy import scipy
 from sldvexp.scan.calibration import CalibrationScan
+from sldvexp.scan.lines import half_chords
 from sldvexp.session.camera import ViewContext
+from sldvexp.session.watching import SEARCH
 from sldvexp.signal import ComplexImage, instrument_fault
 from sldvexp.signal.instrument_faults import moving
-from sldvexp.targets import Circles
+from sldvexp.targets import Circles, shade_told, shaded_circles
 from sldvexp.typing import Array, BoolArray, IntArray
 
-#: Of the rings of pixels in the journal.
-NAME = "search"
 #: Distance of pixels over the half width of the circle as seen.
 PITCH = 0.5
 #: Pixels that a moving spot has, over those of the circle as seen.
 FEWEST, MOST = 0.4, 2.0
+#: Standard deviation of the middle of a spot of such pixels, over the half width.
+SPOT = 0.1
 #: Distance of a circle from where the corrected pose has it, over its half width, that is too much.
 BESIDE = 0.5
+#: Remedy where a circle is hidden by another one.
+STAND_ELSEWHERE = (
+    "stand more in front of the calibration object, or take that block or circle away; sldvexp aim "
+    "tells of any rough pose which circles are hidden from it"
+)
 #: Share of the margin that is searched once a circle is found and has corrected the pose.
 AFTER = 0.5
 
@@ -51,6 +59,10 @@ class PredictedCircle:
         Of the grid that fall on it.
     reach : ndarray, shape (2,), steps
         How far from the centre it may be.
+    outline : ndarray, shape (corner, 2), steps
+        Points on its edge.
+    origin : ndarray, shape (3,), m
+        Of the instrument by that pose.
     """
 
     number: int
@@ -58,6 +70,8 @@ class PredictedCircle:
     half_width: Array
     pixels: float
     reach: Array
+    outline: Array
+    origin: Array
 
     @property
     def pitch(self) -> Array:
@@ -70,13 +84,40 @@ class PredictedCircle:
         return int(np.ceil((self.reach / self.pitch).max())) + 2
 
 
-def search_circles(scan: CalibrationScan, at: ViewContext) -> IntArray:
+@dataclass(frozen=True, eq=False)
+class RoughCircle:
+    """Rough centre of a circle, and what else is known of it before its lines are scanned.
+
+    Parameters
+    ----------
+    centre : ndarray of int, shape (2,), steps
+    number : int, optional
+        Of the circle; only a rough pose tells which of them it is.
+    half_chord : ndarray, shape (line,), steps, optional
+        How far its edge is from its middle along each coarse line.
+    shade : str
+        Which other circles hide it.
+    """
+
+    centre: IntArray
+    number: int | None = None
+    half_chord: Array | None = None
+    shade: str = ""
+
+    @property
+    def name(self) -> str:
+        """Name for messages, as in "circle 2, around DAC steps (10, 20)"."""
+        what = "the circle" if self.number is None else f"circle {self.number},"
+        return f"{what} around DAC steps ({self.centre[0]}, {self.centre[1]})"
+
+
+def search_circles(scan: CalibrationScan, at: ViewContext) -> list[RoughCircle]:
     """Find the circles of a view whose rough pose is known.
 
     Returns
     -------
-    ndarray of int, shape (circle, 2), steps
-        Rough centres in the order of the target's circles.
+    list of RoughCircle
+        In the order of the target's circles.
 
     Raises
     ------
@@ -87,7 +128,7 @@ def search_circles(scan: CalibrationScan, at: ViewContext) -> IntArray:
     found = search.complete(np.zeros((0, 2)))
     if found is None:
         raise UserError(search.complaint())
-    return np.rint(found).astype(np.int64)
+    return search.described(found)
 
 
 class CircleSearch:
@@ -102,7 +143,7 @@ class CircleSearch:
 
     def __init__(self, scan: CalibrationScan, at: ViewContext) -> None:
         assert isinstance(at.target, Circles)
-        self.scan, self.at = scan, at
+        self.scan, self.at, self.target = scan, at, at.target
         self.rough = scan.views[at.view].pose
         self.numbers = list(at.target.circles)
         self.outlines = at.target.outlines()
@@ -125,6 +166,19 @@ class CircleSearch:
             self._lost = k, circle
         return None
 
+    def described(self, found: Array) -> list[RoughCircle]:
+        """Say of circles that are found how wide they are seen, and which others hide them."""
+        rotation, origin = self._pose(found)
+        shaded = shaded_circles(origin, self.target)
+        circles = []
+        for k, centre in enumerate(np.rint(found).astype(np.int64)):
+            circle = self._predict(k, rotation, origin)
+            others = shaded.get(circle.number, [])
+            shade = shade_told(circle.number, others) if others else ""
+            chords = half_chords(circle.outline, self.scan.coarse.lines)
+            circles.append(RoughCircle(centre, circle.number, chords, shade))
+        return circles
+
     def complaint(self) -> str:
         """Say that a circle is not where it is predicted, and what to do."""
         assert self._lost is not None
@@ -133,12 +187,19 @@ class CircleSearch:
         others = f", though {known} of {len(self.numbers)} were found" if known else ""
         fault = instrument_fault(self._seen) if self._seen and not known else ""
         away = 1000 * (AFTER if known else 1) * self.scan.margin
-        return (
+        nowhere = (
             f"circle {circle.number} is not found within {away:g} mm of DAC steps "
             f"({up_down}, {left_right}), where the rough pose predicts it{others}"
+        )
+        if (hides := shaded_circles(circle.origin, self.target)).get(circle.number):
+            return (
+                f"{nowhere}: {shade_told(circle.number, hides[circle.number])}; {STAND_ELSEWHERE}"
+            )
+        return (
+            f"{nowhere}"
             f"{fault and '; around it, '}{fault}; if its speaker was dead or hidden, delete "
-            f"{self.at.camera.journal.folder}/{NAME}_* and resume the run, else start anew with a "
-            "better rough pose of the view, or a larger margin of the scan of circles"
+            f"{self.at.camera.journal.folder}/{SEARCH}_* and resume the run, else start anew with "
+            "a better rough pose of the view, or a larger margin of the scan of circles"
         )
 
     def _pose(self, found: Array) -> tuple[Array, Array]:
@@ -148,7 +209,9 @@ class CircleSearch:
         if not len(found):
             return pose
         centres = self.outlines[: len(found)].mean(axis=1)
-        return corrected_pose(centres, found, *pose, self.at.laser)
+        wide = np.array([self._predict(k, *pose).half_width for k in range(len(found))])
+        std = np.maximum(FOUND, SPOT * wide)
+        return corrected_pose(centres, found, *pose, self.at.laser, std)
 
     def _predict(self, k: int, rotation: Array, origin: Array) -> PredictedCircle:
         """Predict the image of a circle from points around its edge."""
@@ -162,15 +225,17 @@ class CircleSearch:
         distance = float(np.linalg.norm(outline.mean(axis=0) - origin))
         margin = (AFTER if k else 1.0) * self.scan.margin
         pixels = area / float(np.prod(PITCH * half))
-        return PredictedCircle(
-            self.numbers[k], centre, half, pixels, margin / (distance * laser.step)
-        )
+        reach = margin / (distance * laser.step)
+        return PredictedCircle(self.numbers[k], centre, half, pixels, reach, steps, origin)
 
     def _fits(self, found: Array) -> bool:
         """Tell whether one pose explains all circles that are found."""
-        rotation, origin = self._pose(found)
-        for k, centre in enumerate(found):
-            circle = self._predict(k, rotation, origin)
+        try:
+            rotation, origin = self._pose(found)
+            circles = [self._predict(k, rotation, origin) for k in range(len(self.numbers))]
+        except UserError:  # such a pose has a circle behind it, or beyond its mirrors
+            return False
+        for circle, centre in zip(circles, found, strict=False):
             if (np.abs(circle.centre - centre) > BESIDE * circle.half_width).any():
                 return False
         return True
@@ -187,7 +252,7 @@ class CircleSearch:
             if not inside.any():
                 return
             self._lines += 1
-            image = self.at.camera.image(f"{NAME}_{self._lines:03d}", [steps[inside]])
+            image = self.at.camera.image(f"{SEARCH}_{self._lines:03d}", [steps[inside]])
             self._seen = image
             where = cells[inside] + circle.rings
             moves[where[:, 0], where[:, 1]] = moving(image) & (image.flags == 0)

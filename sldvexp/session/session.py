@@ -17,11 +17,13 @@ from sldvexp.laser import TwoMirror
 from sldvexp.lazy import xarray as xr
 from sldvexp.scan import Scan, ScanPart
 from sldvexp.scan.base import PersonPart
+from sldvexp.scan.calibration import CalibrationScan
 from sldvexp.session.by_person import joined, record_marks, record_spots
 from sldvexp.session.camera import Camera, Operator, ViewContext, ViewSkipped
 from sldvexp.session.circles import circle_lines, scan_calibration
 from sldvexp.session.images import image_lines, scan_image
 from sldvexp.session.journal import Journal, require_same
+from sldvexp.session.outline import outline_lines, scan_outline
 from sldvexp.session.watching import PartAhead, ViewAhead, Watcher
 
 #: Of the dissertation's instrument (Section 3.2.1).
@@ -30,6 +32,7 @@ PIXELS_PER_SECOND = 6.0
 #: What becomes of a part of a scan in one view, by the part's `kind`: groups of the dataset.
 KINDS: dict[str, Callable[[Any, ViewContext], dict[str, xr.Dataset]]] = {
     "circles": scan_calibration,
+    "outline": scan_outline,
     "image": scan_image,
     "marks": record_marks,
     "spots": record_spots,
@@ -38,6 +41,7 @@ KINDS: dict[str, Callable[[Any, ViewContext], dict[str, xr.Dataset]]] = {
 #: Names and pixels of the lines of a part in one view, by the part's `kind`; a person scans none.
 LINES: dict[str, Callable[[Any, str], dict[str, int]]] = {
     "circles": circle_lines,
+    "outline": outline_lines,
     "image": image_lines,
 }
 
@@ -77,12 +81,12 @@ def scan_views(
     if not e.scan.view_names():
         raise ConfigError([Problem("scan.views", "needs at least one view")])
     aimed = e.scan.aimed(e.laser, e.target)
-    print(estimate(aimed))
+    print(estimate(aimed, bool(e.scan.rough_poses())))
     _require_on_board(aimed, e.laser)
-    views = _ahead(aimed, journal)
+    views = _ahead(e.scan, aimed, journal)
     watcher.session_begun(views)
     found: dict[str, xr.Dataset] = {}
-    skipped: list[Finding] = []
+    told: list[Finding] = []
     for view in views:
         watcher.view_begun(view)
         arrive = partial(_arrive, e, view.name, operator, journal / view.name)
@@ -91,8 +95,9 @@ def scan_views(
         with Camera(arrive, e.signal, kept, *plan) as camera:
             at = ViewContext(view.name, camera, e.laser, e.target, operator, guide=guide)
             groups = _scan_parts(e.scan.parts(view.name), at)
+        told += at.findings
         if camera.skipped:
-            skipped.append(_skipped(view, camera.lines_done))
+            told.append(_skipped(view, camera.lines_done))
         watcher.view_done(view, groups)
         found |= {name: keep(name, g) if keep else g for name, g in groups.items()}
     if not found:
@@ -101,8 +106,8 @@ def scan_views(
         )
     watcher.session_done()
     first = next(iter(found))
-    if skipped:
-        found[first] = with_findings(found[first], skipped)
+    if told:
+        found[first] = with_findings(found[first], told)
     return joined(found)
 
 
@@ -124,27 +129,34 @@ def _scan_parts(parts: list[ScanPart], at: ViewContext) -> dict[str, xr.Dataset]
     return found
 
 
-def _ahead(scan: Scan, journal: Path) -> tuple[ViewAhead, ...]:
+def _ahead(scan: Scan, aimed: Scan, journal: Path) -> tuple[ViewAhead, ...]:
     """Say what every view takes, and how much of it the journal has."""
 
-    def part_ahead(part: ScanPart, view: str) -> PartAhead:
+    def part_ahead(given: ScanPart, part: ScanPart, view: str) -> PartAhead:
         lines = LINES[part.kind](part, view) if part.kind in LINES else {}
         kept = Journal(journal / view)
         there = sum(pixels for name, pixels in lines.items() if kept.has(name))
         total = sum(lines.values())
-        return PartAhead(part.kind, len(lines), total, there, part.seconds(view))
+        seconds, searches = part.seconds(view), _searches(given, view)
+        return PartAhead(part.kind, len(lines), total, there, seconds, searches)
+
+    def parts_ahead(view: str) -> tuple[PartAhead, ...]:
+        pairs = zip(scan.parts(view), aimed.parts(view), strict=True)
+        return tuple(part_ahead(given, part, view) for given, part in pairs)
 
     names = scan.view_names()
-    return tuple(
-        ViewAhead(name, k, len(names), tuple(part_ahead(p, name) for p in scan.parts(name)))
-        for k, name in enumerate(names, 1)
-    )
+    return tuple(ViewAhead(v, k, len(names), parts_ahead(v)) for k, v in enumerate(names, 1))
 
 
-def estimate(scan: Scan) -> str:
-    """Estimate how long the session takes at least, and at six pixels a second.
+def _searches(part: ScanPart, view: str) -> bool:
+    """Tell whether circles are searched in a view, from its rough pose."""
+    return isinstance(part, CalibrationScan) and part.views[view].pose is not None
 
-    Pixels that search circles from a rough pose are not among those.
+
+def estimate(scan: Scan, searches: bool = False) -> str:
+    """Estimate how long the session takes at least, and at six pixels a second if that is longer.
+
+    Pixels that search circles from a rough pose are not among those; if it `searches`, it says so.
     """
     views = scan.view_names()
     parts = [(part, view) for view in views for part in scan.parts(view)]
@@ -153,10 +165,11 @@ def estimate(scan: Scan) -> str:
     if not pixels:
         how = "by digitizer" if any(part.kind == "spots" for part, _ in parts) else "by hand"
         return f"scan: {how}, views {', '.join(views)}"
-    return (
-        f"scan: {pixels} pixels in {len(views)} views, {seconds:.0f} s of samples "
-        f"({pixels / PIXELS_PER_SECOND / 60:.0f} min on an instrument of 6 pixels a second)"
-    )
+    told = f"scan: {pixels} pixels in {len(views)} views, {seconds:.0f} s of samples"
+    if seconds <= pixels / PIXELS_PER_SECOND:
+        minutes = pixels / PIXELS_PER_SECOND / 60
+        told += f" ({minutes:.0f} min on an instrument of 6 pixels a second)"
+    return f"{told}{', besides those that search circles' if searches else ''}"
 
 
 def takes_samples(scan: Scan) -> bool:

@@ -17,8 +17,18 @@ import numpy as np
 
 from sldvexp.instrument import Acquisition, RawSamples, Status
 from sldvexp.lazy import xarray as xr
-from sldvexp.signal import ComplexImage, Flag, SignalEstimator
+from sldvexp.signal import (
+    ComplexImage,
+    Flag,
+    Response,
+    ResponseImage,
+    ResponseSums,
+    SignalEstimator,
+)
 from sldvexp.typing import IntArray
+
+#: Beginning of the names of lines that search a circle around where a rough pose predicts it.
+SEARCH = "search"
 
 
 @dataclass(frozen=True)
@@ -34,6 +44,8 @@ class PartAhead:
         Pixels of these that the journal has already, so that they are not scanned.
     seconds : float, s
         Of samples, for all pixels.
+    searches : bool
+        Whether circles are searched first, which takes more pixels than these.
     """
 
     kind: str
@@ -41,6 +53,7 @@ class PartAhead:
     pixels: int
     kept: int
     seconds: float
+    searches: bool = False
 
 
 @dataclass(frozen=True)
@@ -87,11 +100,13 @@ class LineDone:
     kind : str
         Of the part.
     lines : str
-        Name of the lines that are scanned together: ``image``, or ``2_coarse`` of a circle.
+        Name of the lines that are scanned together: ``image``, ``2_coarse`` of a circle, or
+        ``search_003`` of a ring of pixels around a predicted circle.
     number, count : int
         Line `number` of `count` such lines, from 1.
     dac : ndarray of int, shape (pixel, 2), steps
-    samples : RawSamples
+    samples : RawSamples or ResponseSums
+        Of a broadband excitation, the sums of its records.
     kept : bool
         Whether it was in the journal before, and nothing was scanned.
     again : bool
@@ -106,23 +121,33 @@ class LineDone:
     number: int
     count: int
     dac: IntArray
-    samples: RawSamples
+    samples: RawSamples | ResponseSums
     kept: bool
     again: bool
     acquisition: Acquisition
     signal: SignalEstimator
 
     @cached_property
-    def image(self) -> ComplexImage:
+    def image(self) -> ComplexImage | ResponseImage:
         """Complex pixels of this line alone, with their flags.
 
         The session makes them of all lines together, which with `refine` gives other frequencies.
         """
-        return complex_pixels(self.signal, self.acquisition, [self.samples])
+        return pixels_of(self.signal, self.acquisition, [self.samples])
+
+    @property
+    def searches(self) -> bool:
+        """True if it is one of a search, that nobody knew of before."""
+        return self.lines.startswith(SEARCH)
 
     @property
     def level(self) -> tuple[float, float]:
-        """Largest sample of velocity and of reference, V."""
+        """Largest sample of velocity and of reference, V; of sums their r.m.s. at all lines."""
+        if isinstance(self.samples, ResponseSums):
+            assert isinstance(self.signal, Response)
+            sums, records = self.samples, max(self.samples.count.sum(), 1)
+            volts = np.sqrt([sums.syy.sum() / 2 / records, sums.sxx.sum() / 2 / records])
+            return float(volts[0] / abs(self.signal.velocity_per_volt)), float(volts[1])
         most = np.abs(self.samples.counts.astype(np.int32)).max(axis=(0, 2))
         velocity, reference = most * self.samples.volts_per_count
         return float(velocity), float(reference)
@@ -213,16 +238,31 @@ class Watcher:
         return nullcontext()
 
 
-def in_words(lines: str) -> str:
-    """Say which lines are scanned together, in the singular.
+def in_words(lines: str, number: int, count: int) -> str:
+    """Say which line it is of those that are scanned together.
 
     Examples
     --------
-    >>> in_words("image"), in_words("2_coarse")
-    ('line', 'circle 2, coarse line')
+    >>> in_words("image", 3, 25), in_words("2_coarse", 1, 3), in_words("search_007", 1, 1)
+    ('line 3 of 25', 'circle 2, coarse line 1 of 3', 'searching circles, ring 7')
     """
-    circle, _, stage = lines.partition("_")
-    return f"circle {circle}, {stage} line" if stage else "line"
+    first, _, stage = lines.partition("_")
+    if first == SEARCH:
+        return f"searching circles, ring {int(stage)}"
+    named = f"circle {first}, {stage} line" if stage else "line"
+    return f"{named} {number} of {count}"
+
+
+def pixels_of(
+    signal: SignalEstimator, acquisition: Acquisition, lines: Sequence[RawSamples | ResponseSums]
+) -> ComplexImage | ResponseImage:
+    """Turn samples of some lines, or sums of their records, into complex pixels."""
+    if acquisition.drive is None:
+        samples = [line for line in lines if isinstance(line, RawSamples)]
+        return complex_pixels(signal, acquisition, samples)
+    assert isinstance(signal, Response)
+    sums = [line for line in lines if isinstance(line, ResponseSums)]
+    return signal.image(ResponseSums.concatenated(sums), acquisition.drive)
 
 
 def complex_pixels(

@@ -52,9 +52,6 @@ def write_summary(
     table[ranking.FOLDER].values = np.reshape(there, table[ranking.FOLDER].shape)
     dataset.save_table(table, folder / SWEEP_FILE)
     ranking.write_csv(table, keys, folder / TABLE_FILE)
-    console = Console()
-    if not console.is_terminal:
-        console = Console(width=max(console.width, NARROWEST))
     rows, path = ranking.rows(table, keys, by), folder / SWEEP_FILE
     pages = []
     if report:
@@ -62,12 +59,30 @@ def write_summary(
             _pages_of_runs(report, [folder / r for row in rows if (r := row[ranking.FOLDER])])
         with doing(f"making the page of {path}"):
             pages = attempt(lambda: report.of_sweep(path, rows), path)
-    unit = ranking.units(table, by)
-    console.print(ranking.terminal_table(rows, keys, by, unit, console.width))
-    for file in (path, folder / TABLE_FILE, *pages):
-        console.print(str(file), soft_wrap=True, highlight=False)
+    print_ranking(table, keys, by, [path, folder / TABLE_FILE, *pages])
     if mistake:
         raise mistake
+
+
+def print_ranking(table: xr.Dataset, keys: Sequence[str], by: str, files: Sequence[Path]) -> None:
+    """Print the table of the runs, the best first, and then some files.
+
+    Parameters
+    ----------
+    table : xarray.Dataset
+        See `sldvexp.sweep.collect.collect`.
+    keys : sequence of str
+        What sets the runs apart.
+    by : str
+        Headline to rank by; empty for none.
+    """
+    console = Console()
+    if not console.is_terminal:
+        console = Console(width=max(console.width, NARROWEST))
+    rows, unit = ranking.rows(table, keys, by), ranking.units(table, by)
+    console.print(ranking.terminal_table(rows, keys, by, unit, console.width))
+    for file in files:
+        console.print(str(file), soft_wrap=True, highlight=False)
 
 
 def _pages_of_runs(report: Report, runs: Sequence[Path]) -> None:

@@ -15,6 +15,9 @@ from sldvexp.laser import TwoMirror, rays
 from sldvexp.lazy import scipy
 from sldvexp.typing import Array, ComplexArray
 
+#: Standard deviations from an edge beyond which no light is left to the last bit.
+FAR = 40.0
+
 
 @dataclass
 class Spot:
@@ -127,14 +130,17 @@ def part_inside(
     c_tt = variance * (1.0 + (edge / across) ** 2)
     c_ot = variance * out * edge / across**2
     sigma = np.sqrt(np.maximum(c_oo, np.finfo(float).tiny))
-    z = depth / sigma
+    z = np.clip(depth / sigma, -FAR, FAR)
     sag = c_tt - c_ot**2 / sigma**2 + (c_ot / sigma * z) ** 2
     density = np.exp(-0.5 * z**2) / (np.sqrt(2.0 * np.pi) * sigma)
     return scipy.special.ndtr(z) - 0.5 * curvature * sag * density
 
 
 class SceneObject(ABC):
-    """Something that the beam can hit. A new object implements the one hook `seen`.
+    """Something that the beam can hit. A new object implements two hooks, `terms` and `spectra`.
+
+    What moves is a sum of shapes, ``v(t) = sum_m c_m q_m(t)``: the beam decides the coefficients
+    c_m, the excitation the responses q_m, whatever it plays.
 
     Attributes
     ----------
@@ -148,7 +154,6 @@ class SceneObject(ABC):
         """Give this object with the velocities of its modes multiplied, by the modes' names."""
         return self
 
-    @abstractmethod
     def seen(self, beams: Beams, frequency: Array) -> tuple[Array, ComplexArray]:
         """Compute distance and velocity of this object, as the instrument sees them.
 
@@ -164,3 +169,13 @@ class SceneObject(ABC):
             Along the line of sight, positive towards the instrument (v = V . D), averaged over
             the spot; finite, but without meaning, where the beam misses.
         """
+        distance, coefficient = self.terms(beams)
+        return distance, np.einsum("bm,mf->bf", coefficient, self.spectra(frequency))
+
+    @abstractmethod
+    def terms(self, beams: Beams) -> tuple[Array, Array]:
+        """Compute the distance of `seen`, and the coefficients c_m, shape (beam, term)."""
+
+    @abstractmethod
+    def spectra(self, frequency: Array) -> ComplexArray:
+        """Compute what each term does at frequencies, shape (term, tone), m/s per V."""

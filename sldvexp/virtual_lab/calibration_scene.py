@@ -191,10 +191,10 @@ class CalibrationObject(SceneObject):
             residual=residual,
         )
 
-    def seen(self, beams: Beams, frequency: Array) -> tuple[Array, ComplexArray]:
-        """Compute the distance to the nearest washer, the mean velocity under the spot.
+    def terms(self, beams: Beams) -> tuple[Array, Array]:
+        """See `SceneObject`: parts in phase and in quadrature of the mean velocity under the spot.
 
-        See `SceneObject`.
+        The distance is that to the nearest washer.
         """
         distance, circle = self._nearest(beams)
         hit = np.where(np.isfinite(distance), distance, 0.0)
@@ -210,7 +210,11 @@ class CalibrationObject(SceneObject):
         piston = speaker * (normal * to_instrument).sum(-1)
         resting = self.residual * to_instrument[:, 2]
         mean = moving * piston + (1.0 - moving) * resting
-        return distance, np.repeat(mean[:, None], len(frequency), axis=1)
+        return distance, np.stack([mean.real, mean.imag], axis=1)
+
+    def spectra(self, frequency: Array) -> ComplexArray:
+        """See `SceneObject`: speakers follow every frequency alike."""
+        return np.repeat([[1.0], [1j]], len(frequency), axis=1)
 
     def with_errors(self, errors: Mapping[int, CircleError]) -> CalibrationObject:
         """Move and widen single circles, by their numbers."""

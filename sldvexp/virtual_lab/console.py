@@ -7,15 +7,24 @@ import os
 import sys
 from collections.abc import Sequence
 from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
 
 from sldvexp.config import composing
 from sldvexp.config.experiment import Experiment
+from sldvexp.config.paths import conf_dir
 from sldvexp.errors import UserError
 from sldvexp.virtual_lab.lab import VirtualLab
+from sldvexp.virtual_lab.scene import Scene
 from sldvexp.virtual_lab.server import LabServer
 
 #: Where `instrument=visa` looks for it.
 PORT = 5025
+
+#: Distance within which a view of the scene is the stand that a rough pose means, m.
+SAME_STAND = 0.3
 
 #: Whose lab it is if no experiment is chosen.
 EXPERIMENT = "experiment=dissertation/automated_pose"
@@ -43,7 +52,8 @@ def serve(
     Parameters
     ----------
     settings : sequence of str
-        As `sldvexp` takes them; of the experiment only scene, target, laser and seed matter.
+        As `sldvexp` takes them; of the experiment scene, target, laser and seed matter, and rough
+        poses of the scan, see `with_planned_stands`.
     port : int
         0 takes a free one.
     config_dir : str, optional
@@ -56,15 +66,16 @@ def serve(
     """
     made = experiment(settings, config_dir)
     if made.scene is None:
-        raise UserError("there is no scene to serve; choose scene=calibration or scene=plate")
-    lab = VirtualLab(made.scene, made.laser, made.target, made.seed)
+        raise UserError(f"there is no scene to serve; choose {' or '.join(scenes(config_dir))}")
+    scene, told = with_planned_stands(made)
+    lab = VirtualLab(scene, made.laser, made.target, made.seed)
     try:
         server = LabServer(lab, host, port)
     except OSError as error:
-        told = f"cannot listen on {host}, port {port}: {os.strerror(error.errno or 0)}"
-        raise UserError(f"{told}; --port 0 takes a free one") from None
+        why = f"cannot listen on {host}, port {port}: {os.strerror(error.errno or 0)}"
+        raise UserError(f"{why}; --port 0 takes a free one") from None
     with server, suppress(KeyboardInterrupt):
-        print(server.resource, flush=True)
+        print("\n".join([server.resource, *told]), flush=True)
         server.stopping.wait()
 
 
@@ -79,6 +90,43 @@ def experiment(settings: Sequence[str], config_dir: str | None = None) -> Experi
     if not any(s.lstrip("~").startswith("experiment") for s in settings):
         settings = [EXPERIMENT, *settings]
     return composing.made_from(settings, config_dir)
+
+
+def scenes(config_dir: str | None = None) -> list[str]:
+    """List choices of a scene: those of a folder of the user's own, or else the program's."""
+    for folder in ([Path(config_dir)] if config_dir else []) + [conf_dir()]:
+        if found := sorted((folder / "scene").glob("*.yaml")):
+            return [f"scene={path.stem}" for path in found]
+    return []
+
+
+def with_planned_stands(experiment: Experiment) -> tuple[Scene, list[str]]:
+    """Have the instrument stand where the scan's rough poses have it, also where no view is.
+
+    A scene has views of its own, which may differ from the rough poses by as much as a person
+    fails to meet them. Of a view that it does not have, or has somewhere else, the rough pose is
+    taken: so stands that were planned can be tried in any scene.
+
+    Returns
+    -------
+    Scene, list of str
+        And sentences on what was taken.
+    """
+    scene = experiment.scene
+    rough = experiment.scan.rough_poses() if experiment.scan else {}
+    taken = {
+        name: pose
+        for name, pose in rough.items()
+        if name not in scene.views
+        or np.linalg.norm(scene.views[name].place - pose.place) > SAME_STAND
+    }
+    if not taken:
+        return scene, []
+    told = (
+        f"the instrument stands exactly where the scan's rough poses have it in {', '.join(taken)}:"
+        f" the scene has the views {', '.join(scene.views)}, and none of these near there"
+    )
+    return replace(scene, views={**scene.views, **taken}), [told]
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -98,7 +98,7 @@ class Electronics:
         counts : ndarray of int16, shape (pixel, channel, sample)
         status : ndarray of uint8, shape (pixel,)
         """
-        n, v = len(normal), self._vibrometer
+        n = len(normal)
         start = np.zeros(len(velocity))
         start[:n] = START * uniform[:, 0]
         signal = _sum_of_tones(
@@ -107,7 +107,61 @@ class Electronics:
         played = complex(self._acquisition.amplitude * self._digitizer.reference_gain)
         amplitude = np.full(velocity.shape, played)
         reference = _sum_of_tones(amplitude, self._reference_tones, start, self._reference_carrier)
-        noise = self._band_limited(normal[:, 0], len(velocity))
+        return self._sampled(signal, reference, lit, (uniform, normal), noisier)
+
+    def record_motion(
+        self,
+        velocity: Array32,
+        played: Array32,
+        power: float,
+        lit: BoolArray,
+        noise: tuple[Array, Array32],
+        noisier: Array | None = None,
+    ) -> tuple[NDArray[np.int16], NDArray[np.uint8]]:
+        """Sample some records of one pixel that moves in any way; their counts.
+
+        Parameters
+        ----------
+        velocity : ndarray of float32, shape (record, sample), m/s
+        played : ndarray of float32, shape (record, sample), V
+        power : float, m^2/s^2
+            Mean square of the velocity, at all times.
+        lit, noise, noisier
+            As in `record`, with a record in the place of a pixel.
+        """
+        v = self._vibrometer
+        signal = np.float32(v.sensitivity) * self._distorted(velocity, power)
+        if v.hum:
+            start = START * noise[0][:, :1]
+            time = start + np.arange(velocity.shape[1]) / self._acquisition.rate
+            signal += (v.hum * np.cos(2 * np.pi * MAINS * time)).astype(np.float32)
+        reference = np.float32(self._digitizer.reference_gain) * played
+        return self._sampled(signal, reference, lit, noise, noisier)
+
+    def _distorted(self, velocity: Array32, power: float) -> Array32:
+        """Add harmonics by a curved characteristic, ``v + a sum_n r_n T_n(v / a)``.
+
+        With ``a^2 = 2 power`` a sine of that amplitude gets exactly the harmonics r_n; any other
+        signal gets what the same characteristic makes of it.
+        """
+        ratios = self._vibrometer.harmonics
+        size = np.float32(np.sqrt(2 * power))
+        if not any(ratios) or size == 0:
+            return velocity
+        curve = np.polynomial.Chebyshev([0.0, 1.0, *ratios])
+        return np.asarray(size * curve(velocity / size), np.float32)
+
+    def _sampled(
+        self,
+        signal: Array32,
+        reference: Array32,
+        lit: BoolArray,
+        drawn: tuple[Array, Array32],
+        noisier: Array | None,
+    ) -> tuple[NDArray[np.int16], NDArray[np.uint8]]:
+        """Add the noise to voltages of a block, and convert those of its pixels."""
+        (uniform, normal), n, v = drawn, len(drawn[1]), self._vibrometer
+        noise = self._band_limited(normal[:, 0], len(signal))
         with_light = noise if noisier is None else noise * noisier[:, None].astype(np.float32)
         full_scale = v.sensitivity * v.full_scale
         volts = np.empty(normal.shape, np.float32)

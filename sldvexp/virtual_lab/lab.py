@@ -16,6 +16,7 @@ from sldvexp.errors import UserError, nearest
 from sldvexp.instrument import Acquisition, Instrument, InstrumentError, RawSamples, ScanningPlugin
 from sldvexp.instrument.person import Mark, Place, Steps
 from sldvexp.laser import MIRRORS, TwoMirror, project
+from sldvexp.signal import ExcitationKind
 from sldvexp.targets import Target
 from sldvexp.typing import Array, BoolArray, ComplexArray, IntArray
 from sldvexp.virtual_lab import camera
@@ -25,6 +26,7 @@ from sldvexp.virtual_lab.electronics import Electronics, PixelNoise
 from sldvexp.virtual_lab.plate import VibratingPlate
 from sldvexp.virtual_lab.pointing import MirrorPath
 from sldvexp.virtual_lab.scene import Scene
+from sldvexp.virtual_lab.transients import Transients, long_period
 
 #: Pixels computed at once, filled up if they are fewer: arithmetic in arrays of one shape gives a
 #: pixel the same last bits wherever it stands in a list.
@@ -66,6 +68,7 @@ class VirtualLab:
         rng = np.random.default_rng(np.random.SeedSequence([*self._seed, len(self._seed)]))
         self.objects = scene.objects(target, rng)
         self._acquisition: Acquisition | None = None
+        self._moved: tuple[object, Transients] | None = None
         self.start_stream(0)
         self.use_view(next(iter(scene.views)))
 
@@ -84,6 +87,7 @@ class VirtualLab:
         self._noise = PixelNoise(self._seed, name)
         self._jitter = PixelNoise(self._seed, f"{name}\0jitter")
         self._speckle = PixelNoise(self._seed, f"{name}\0speckle")
+        self._trigger = PixelNoise(self._seed, f"{name}\0trigger")
         self._mistakes = self.scene.mistakes.get(name)
 
     def start_stream(self, stream: int) -> None:
@@ -153,15 +157,18 @@ class VirtualLab:
         steps = self._checked(np.asarray(dac))
         if stream is not None:
             self.start_stream(stream)
-        counts = np.empty((len(steps), 2, self._acquisition.samples), np.int16)
-        status = np.empty(len(steps), np.uint8)
+        records = self._acquisition.records
+        counts = np.empty((len(steps) * records, 2, self._acquisition.samples), np.int16)
+        status = np.empty(len(steps) * records, np.uint8)
+        block = self._block if self._acquisition.drive is None else self._moving_block
         for begin in range(0, len(steps), BLOCK):
-            part = slice(begin, min(begin + BLOCK, len(steps)))
-            counts[part], status[part] = self._block(steps[part])
+            end = min(begin + BLOCK, len(steps))
+            rows = slice(begin * records, end * records)
+            counts[rows], status[rows] = block(steps[begin:end])
         if len(steps):
             self.position = (int(steps[-1, 0]), int(steps[-1, 1]))
         scales = self._electronics.volts_per_count
-        return RawSamples(counts, scales, self._acquisition.rate, status)
+        return RawSamples(counts, scales, self._acquisition.rate, status, records)
 
     def true_pose(self, view: str) -> tuple[Array, Array]:
         """Return rotation (3, 3), world to laser, and origin (3,), m, of a view."""
@@ -202,6 +209,27 @@ class VirtualLab:
             Not rounded.
         """
         return self.true_dac(self.calibration_object.edge(circle, np.asarray(azimuth)))
+
+    def true_velocity(self, dac: ArrayLike, frequency: Array) -> ComplexArray:
+        """Compute what moves along the beams of DAC steps from this view, without any mistake.
+
+        Parameters
+        ----------
+        dac : array_like, shape (pixel, 2), steps
+        frequency : ndarray, shape (tone,), Hz
+
+        Returns
+        -------
+        ndarray of complex, shape (pixel, tone), m/s per V of excitation
+        """
+        light = self.light(dac)
+        seen = [thing.seen(light, frequency) for thing in self.objects]
+        distance = np.stack([d for d, _ in seen])
+        velocity = np.stack([v for _, v in seen])[
+            distance.argmin(axis=0), np.arange(len(light.origin))
+        ]
+        hit = np.isfinite(distance.min(axis=0))[:, None]
+        return np.where(hit, velocity, -light.direction[:, 2:] * self.scene.residual)
 
     def light(self, dac: ArrayLike) -> Beams:
         """Send the beams of DAC steps, whole or not, shape (beam, 2), from this view."""
@@ -311,6 +339,100 @@ class VirtualLab:
         self._pixel += n
         own = None if noisier is None else noisier[:n]
         return self._electronics.record(velocity, lit, uniform, normal, own)
+
+    def _moving_block(self, dac: IntArray) -> tuple[NDArray[np.int16], NDArray[np.uint8]]:
+        """Acquire all records of at most BLOCK pixels that move in any way."""
+        a, n = self._acquisition, len(dac)
+        assert a is not None
+        assert a.drive is not None
+        filled = dac[np.minimum(np.arange(BLOCK), n - 1)]
+        noisier = self._noisier(filled)
+        coefficient, lit = self._terms(filled, self._pointing_error(filled, n, noisier))
+        self._spoil_terms(coefficient[:n])
+        motion = self._motion()
+        power = motion.power(coefficient)
+        found = []
+        for pixel in range(n):
+            first = (self._pixel + pixel) * a.records
+            uniform, normal = self._noise.draw(self._stream, first, a.records, a.samples)
+            begins = self._starts(first, float(uniform[0, 0]), len(motion.played))
+            rows = [motion.record(coefficient[pixel], begin, a.samples) for begin in begins]
+            velocity, played = (np.stack(each) for each in zip(*rows, strict=True))
+            own = None if noisier is None else np.full(a.records, noisier[pixel])
+            seen = np.full(a.records, lit[pixel])
+            how = (float(power[pixel]), seen, (uniform, normal), own)
+            found.append(self._electronics.record_motion(velocity, played, *how))
+        self._pixel += n
+        counts, status = zip(*found, strict=True)
+        return np.concatenate(counts), np.concatenate(status)
+
+    def _starts(self, first: int, chance: float, length: int) -> IntArray:
+        """Choose where in the long period a pixel's records start, by a number in [0, 1)."""
+        a = self._acquisition
+        assert a is not None
+        assert a.drive is not None
+        begin = a.samples * int(chance * (length // a.samples))
+        found = (begin if a.triggered else int(chance * length)) + a.samples * np.arange(a.records)
+        if a.drive.excitation.kind is ExcitationKind.hammer:
+            found = np.zeros(a.records, np.int64)  # each blow is one of its own
+        missed = self.scene.digitizer.missed_trigger
+        if a.triggered and missed:
+            uniform, _ = self._trigger.draw(self._stream, first, a.records, 1)
+            anywhere = (uniform[:, 1] * length).astype(np.int64)
+            found = np.where(uniform[:, 0] < missed, anywhere, found)
+        return found
+
+    def _motion(self) -> Transients:
+        """Compute, once a view and acquisition, how all terms move; the last is flat: the rest."""
+        a = self._acquisition
+        assert a is not None
+        assert a.drive is not None
+        key = (self.view, a.drive)
+        if self._moved is None or self._moved[0] != key:
+            played = self.scene.generator_gain * long_period(a.drive)
+            self._moved = key, Transients.computed(played, a.rate, self._spectra)
+        return self._moved[1]
+
+    def _spectra(self, frequency: Array) -> ComplexArray:
+        """Compute the spectra of the terms of all objects, and of what rests, (term, line)."""
+        mistakes, rows = self._mistakes, []
+        for thing in self.objects:
+            if mistakes is None or thing.calibrates:
+                rows.append(thing.spectra(frequency))
+            else:
+                spoilt = thing.in_modes(mistakes.modes)
+                rows.append(spoilt.spectra(mistakes.frequency * frequency))
+        rows.append(np.ones((1, len(frequency)), complex))
+        every = np.concatenate(rows)
+        return every if mistakes is None else mistakes.recorded(every, frequency)
+
+    def _terms(self, dac: IntArray, error: Array | None) -> tuple[Array, BoolArray]:
+        """Look along the beams: coefficients (pixel, term), and whether light comes back."""
+        light = self._beams(dac, (self._rotation, self._origin), error)
+        seen = []
+        for thing in self.objects:
+            mistakes = self._mistakes
+            if mistakes is None or thing.calibrates:
+                seen.append(thing.terms(light))
+            else:
+                pose = mistakes.knocked(*self.true_pose(mistakes.seen_from or self.view))
+                seen.append(thing.terms(self._beams(dac, pose, error)))
+        distance = np.stack([d for d, _ in seen])
+        first, hit = distance.argmin(axis=0), np.isfinite(distance.min(axis=0))
+        own = [c * (hit & (first == k))[:, None] for k, (_, c) in enumerate(seen)]
+        resting = np.where(hit, 0.0, -light.direction[:, 2] * self.scene.residual)
+        coefficient = np.concatenate([*own, resting[:, None]], axis=1)
+        return coefficient, (hit | self.scene.backdrop) & self.shutter_open
+
+    def _spoil_terms(self, coefficient: Array) -> None:
+        """Let some pixels, (pixel, term), follow the excitation in a random size instead."""
+        v = self.scene.vibrometer
+        if not v.unflagged:
+            return
+        uniform, normal = self._speckle.draw(self._stream, self._pixel, len(coefficient), 1)
+        wrong = uniform[:, 0] < v.unflagged
+        coefficient[wrong] = 0.0
+        coefficient[wrong, -1] = normal[wrong, 0, 0] * v.unflagged_velocity
 
     def _noisier(self, dac: IntArray) -> Array | None:
         """Compute the factor of noise by the distance of what the beams hit, shape (pixel,)."""

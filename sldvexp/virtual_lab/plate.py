@@ -36,7 +36,12 @@ from sldvexp.virtual_lab.modes import (
     RectangularPlate,
 )
 from sldvexp.virtual_lab.motion import DampedModes, Sheet
-from sldvexp.virtual_lab.surface import CylinderSurface, FlatSurface, PlateSurface
+from sldvexp.virtual_lab.surface import (
+    CylinderSurface,
+    FlatSurface,
+    LitSurface,
+    PlateSurface,
+)
 
 
 @dataclass
@@ -162,6 +167,9 @@ class Plate(AnyPlate):
         frequencies, that which it had without the masses and ribs.
     ribs : dict of str to Rib
         On the same.
+    spot_edges : bool
+        Whether a spot on an edge of a flat plate or its holes sees a mean of the plate's velocity
+        and of what rests behind, as a real one does. Else it sees what its axis meets.
     """
 
     size: list[float] = field(default_factory=lambda: [0.3, 0.25])
@@ -174,6 +182,7 @@ class Plate(AnyPlate):
     holes: dict[str, Hole] = field(default_factory=dict)
     masses: dict[str, PointMass] = field(default_factory=dict)
     ribs: dict[str, Rib] = field(default_factory=dict)
+    spot_edges: bool = False
 
     @property
     def mode_names(self) -> tuple[str, ...]:
@@ -189,7 +198,8 @@ class Plate(AnyPlate):
         limits = [[m - h, m + h] for m, h in zip(middles, halves, strict=True)]
         holes = unit * np.array(limits).reshape(-1, 2, 2) + size / 2
         if self.radius is None:
-            return FlatSurface(size, height, holes)
+            kind = LitSurface if self.spot_edges else FlatSurface
+            return kind(size, height, holes)
         return CylinderSurface(size, height, holes, unit * self.radius)
 
     def vibration(self) -> DampedModes:
@@ -235,6 +245,8 @@ class Plate(AnyPlate):
             mode.check(checks, f"{name}.modes.{mode_name}", self.edges)
         for hole_name, hole in self.holes.items():
             hole.check(checks, f"{name}.holes.{hole_name}")
+        flat = self.radius is None or not self.spot_edges
+        checks.require(flat, f"{name}.spot_edges", "needs a flat plate, without radius")
         if self.radius is not None and len(checks.problems) == known:
             self._check_radius(checks, f"{name}.radius", self.radius)
         self._check_coupling(checks, f"{name}.coupling")
@@ -330,11 +342,8 @@ class VibratingPlate(SceneObject):
             center=plate.place,
         )
 
-    def seen(self, beams: Beams, frequency: Array) -> tuple[Array, ComplexArray]:
-        """Compute the distance to the surface and the velocity at the beam's axis.
-
-        See `SceneObject`.
-        """
+    def terms(self, beams: Beams) -> tuple[Array, Array]:
+        """See `SceneObject`: the modes' motion at the beam's axis, along the line of sight."""
         direction = beams.direction @ self.rotation.T
         origin = (beams.origin - self.center) @ self.rotation.T
         distance, along_sight, behind = self._seen_of_side(origin, direction)
@@ -342,8 +351,16 @@ class VibratingPlate(SceneObject):
             back = replace(self, surface=self.surface.back)
             own = back._seen_of_side(origin[behind], direction[behind])
             distance[behind], along_sight[behind] = own[:2]
-        response = self.modes.response(frequency)
-        return distance, np.einsum("bm,mf->bf", along_sight, response)
+        if isinstance(self.surface, LitSurface):
+            met = np.isfinite(distance)
+            points = origin[met] + distance[met, None] * direction[met]
+            light = self.surface.light(points, direction[met], beams.radius(distance[met]))
+            along_sight[met] *= light[:, None]
+        return distance, along_sight
+
+    def spectra(self, frequency: Array) -> ComplexArray:
+        """See `SceneObject`: the modes' responses."""
+        return self.modes.response(frequency)
 
     def _seen_of_side(self, origin: Array, direction: Array) -> tuple[Array, Array, BoolArray]:
         """Compute distances, velocities of modes along beams, and which beams come from behind."""
@@ -503,7 +520,7 @@ def truth_to_dataset(
     scene: VibratingScene,
     points: Array,
     frequency: ArrayLike,
-    amplitude: float,
+    amplitude: ArrayLike,
     places: Array | None = None,
     frames: Array | None = None,
 ) -> xr.Dataset:
@@ -514,7 +531,7 @@ def truth_to_dataset(
     points : ndarray, shape (node, 3), m
         In the world.
     frequency : array_like, shape (frequency,), Hz
-    amplitude : float, V
+    amplitude : array_like, shape () or (frequency,), V
         Of the excitation at each frequency.
     places : ndarray, shape (place, 3), m, optional
         Where the strain is wanted.
@@ -529,10 +546,11 @@ def truth_to_dataset(
     """
     plate = VibratingPlate.built(scene.plate)
     hertz = np.atleast_1d(np.asarray(frequency, float))
-    velocity = np.stack([amplitude * plate.velocity(points, f) for f in hertz], axis=-1)
+    volts = np.asarray(amplitude, float)
+    velocity = volts * np.stack([plate.velocity(points, f) for f in hertz], axis=-1)
     strain = None
     if places is not None:
-        strain = np.stack([amplitude * plate.strain(places, f, frames) for f in hertz], axis=-1)
+        strain = volts * np.stack([plate.strain(places, f, frames) for f in hertz], axis=-1)
     coords = {"node": np.arange(len(points)), "frequency": hertz}
     if places is not None:
         coords["strain_component"] = np.array(["ss", "tt", "st"])

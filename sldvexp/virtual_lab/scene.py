@@ -156,7 +156,8 @@ class Vibrometer:
         The noise is white up to here. Sampled more slowly than twice this, it folds and stays
         white with the same root mean square.
     drop_out : float
-        Probability that a pixel loses its light to speckle for a random part of its samples.
+        Probability that a pixel loses its light to speckle for a random part of its samples; each
+        record of a pixel that has several.
     burst : float
         Noise without light, root mean square over full scale.
     drop_out_reported : bool
@@ -168,7 +169,8 @@ class Vibrometer:
         Root mean square of the peak of such a velocity.
     distance : OpticalDistance
     harmonics : list of float
-        Amplitudes of the second, third... harmonic over that of the fundamental.
+        Amplitudes of the second, third... harmonic over that of the fundamental; what is no sine
+        gets what the same curved characteristic makes of it.
     hum : float, V
         Peak amplitude of the mains' 50 Hz in the velocity signal.
     """
@@ -215,6 +217,8 @@ class AnalogInput:
         Reference signal over the excitation; 0 is a cable that is not plugged in.
     exchanged : bool
         The cables of the two channels are crossed.
+    missed_trigger : float
+        Probability that a record of a triggered excitation starts at any time instead.
     """
 
     velocity_range: float = 10.0
@@ -222,6 +226,7 @@ class AnalogInput:
     reference_noise: float = 0.001
     reference_gain: float = 1.0
     exchanged: bool = False
+    missed_trigger: float = 0.0
 
     def check(self, checks: Checks, name: str) -> None:
         """Note under `name` what no converter can be."""
@@ -229,6 +234,8 @@ class AnalogInput:
         checks.positive(f"{name}.reference_range", self.reference_range)
         checks.non_negative(f"{name}.reference_noise", self.reference_noise)
         checks.finite(f"{name}.reference_gain", self.reference_gain)
+        missed = f"must be a probability from 0 to 1, not {self.missed_trigger}"
+        checks.require(0 <= self.missed_trigger <= 1, f"{name}.missed_trigger", missed)
 
 
 @dataclass

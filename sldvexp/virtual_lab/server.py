@@ -18,6 +18,7 @@ import numpy as np
 
 from sldvexp.errors import UserError
 from sldvexp.instrument import Acquisition, InstrumentError, RawSamples
+from sldvexp.signal import Excitation, ExcitationKind, LineChoice
 from sldvexp.virtual_lab.lab import VirtualLab
 
 #: How soon the server notices that it shall stop, s.
@@ -124,6 +125,16 @@ class LabServer:
 #: SCPI's codes of errors.
 UNKNOWN_HEADER, DATA_TYPE, REFUSED, SETTINGS_CONFLICT = -113, -104, -222, -221
 
+#: Names of what the generator plays instead of tones.
+FUNCTIONS = {
+    "MSIN": ExcitationKind.multisine,
+    "CHIR": ExcitationKind.chirp,
+    "PRAN": ExcitationKind.pseudo_random,
+    "BRAN": ExcitationKind.burst_random,
+    "NOIS": ExcitationKind.random,
+    "HAMM": ExcitationKind.hammer,
+}
+
 #: Sampling until it is set.
 DEFAULT = Acquisition(rate=10000.0, samples=256, excitation=())
 
@@ -141,6 +152,7 @@ class Dialect:
         self.errors: deque[tuple[int, str]] = deque()
         self.playing = False
         self._wanted = DEFAULT
+        self._played: Excitation | None = None  # instead of tones
         self._samples: RawSamples | None = None
         self._configure()
         self._commands = {
@@ -150,7 +162,13 @@ class Dialect:
             "SAMP:COUN": self._count,
             "GEN:FREQ": self._frequencies,
             "GEN:AMPL": self._amplitude,
+            "GEN:FUNC": self._function,
+            "GEN:BAND": self._band,
+            "GEN:LINE": lambda name: self._play(lines=LineChoice[name]),
+            "GEN:SEED": lambda number: self._play(seed=int(number)),
+            "GEN:BURS": lambda share: self._play(burst=float(share)),
             "GEN:OUTP": self._output,
+            "SAMP:REC": self._records,
             "MIRR:POS": self._move,
             "MIRR:HOME": self._home,
             "MEAS:STR": self._stream,
@@ -181,7 +199,7 @@ class Dialect:
                 self._commands[word](argument.strip())
             elif word:
                 self.report(UNKNOWN_HEADER, f"Undefined header; {word[:40]}")
-        except ValueError as error:
+        except (ValueError, KeyError) as error:
             self.report(DATA_TYPE, f"Data type error; {word}: {error}")
         except (InstrumentError, UserError) as error:
             self.report(REFUSED, f"Data out of range; {error}")
@@ -206,7 +224,7 @@ class Dialect:
         wanted = replace(self._wanted, **changes)  # type: ignore[arg-type]
         self.lab.configure(wanted)
         if not self.playing:
-            self.lab.configure(replace(wanted, excitation=()))
+            self.lab.configure(wanted.silent)
         self._wanted = wanted
 
     def _clear(self, argument: str) -> None:
@@ -227,14 +245,35 @@ class Dialect:
         self._configure(samples=int(argument))
 
     def _frequencies(self, argument: str) -> None:
-        self._configure(excitation=tuple(float(f) for f in argument.split(",")))
+        self._played = None
+        self._configure(excitation=tuple(float(f) for f in argument.split(",")), drive=None)
+
+    def _function(self, argument: str) -> None:
+        self._play(kind=FUNCTIONS[argument])
+
+    def _band(self, argument: str) -> None:
+        self._play(band=[float(f) for f in argument.split(",")])
+
+    def _play(self, **changes: object) -> None:
+        """Change what is played instead of tones when the output is switched on again."""
+        self._played = replace(self._played or Excitation(), **changes)  # type: ignore[arg-type]
+
+    def _records(self, argument: str) -> None:
+        records, lead, trigger = argument.split(",")
+        self._configure(records=int(records), lead=int(lead), triggered=trigger == "generator")
 
     def _amplitude(self, argument: str) -> None:
         self._configure(amplitude=float(argument))
 
     def _output(self, argument: str) -> None:
         self.playing = bool(int(argument))
-        self._configure()
+        if self.playing and self._played is not None:
+            wanted = self._wanted
+            played = replace(self._played, amplitude=wanted.amplitude)
+            design = played.design(wanted.rate, wanted.samples)
+            self._configure(drive=design, excitation=())
+        else:
+            self._configure()
 
     def _move(self, argument: str) -> None:
         self.lab.move([int(step) for step in argument.split(",")])

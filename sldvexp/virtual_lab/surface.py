@@ -12,6 +12,7 @@ from typing import Self
 
 import numpy as np
 
+from sldvexp.lazy import scipy
 from sldvexp.typing import Array, BoolArray
 
 
@@ -107,6 +108,49 @@ class FlatSurface(PlateSurface):
         """See `PlateSurface`."""
         xy = coordinates - self.size / 2
         return np.concatenate([xy, np.full_like(xy[..., :1], self.height)], axis=-1)
+
+
+#: How far beside a plate the light of a spot may still fall on it, m.
+MARGIN = 0.005
+
+
+class LitSurface(FlatSurface):
+    """A plane whose edges a spot passes bit by bit, being wider than nothing."""
+
+    def meet(self, origin: Array, direction: Array) -> tuple[Array, Array]:
+        """Find where each beam meets the plane, and the nearest place of the plate."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            distance = (self.height - origin[:, 2]) / direction[:, 2]
+            coordinates = self.coordinates(origin + distance[:, None] * direction)
+        nearest = np.clip(coordinates, 0.0, self.size)
+        hits = (np.abs(coordinates - nearest) < MARGIN).all(axis=1) & (distance > 0)
+        return np.where(hits, distance, np.inf), np.where(hits[:, None], nearest, 0.0)
+
+    def light(self, points: Array, direction: Array, radius: Array) -> Array:
+        """Give the part of each spot's light that falls on the plate.
+
+        The light of a Gaussian beam of radius w along d has the variance
+        ``w^2/4 (1 + (a.d)^2 / (n.d)^2)`` along the axis a of the plane with normal n; that of both
+        axes is taken as independent, which matters in corners alone.
+
+        Parameters
+        ----------
+        points : ndarray, shape (beam, 3), m
+            Where the beams' axes meet the plane.
+        direction : ndarray, shape (beam, 3)
+        radius : ndarray, shape (beam,), m
+            Of the beams (1/e^2 of the intensity).
+        """
+        place = self.coordinates(points)
+        slant = direction[:, :2] / direction[:, 2:]
+        sigma = np.maximum(radius[:, None] / 2 * np.hypot(1.0, slant), np.finfo(float).tiny)
+
+        def between(low: Array, high: Array) -> Array:
+            below, above = (scipy.special.ndtr((x - place) / sigma) for x in (low, high))
+            return np.asarray((above - below).prod(axis=1))
+
+        whole = between(np.zeros(2), self.size)
+        return np.asarray(whole - sum(between(low, high) for low, high in self.holes))
 
 
 @dataclass(frozen=True, eq=False)

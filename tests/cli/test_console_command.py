@@ -14,6 +14,7 @@ from sldvexp.cli import console
 from sldvexp.config.experiment import Experiment
 from sldvexp.config.planning import PlanCriterion
 from sldvexp.errors import UserError
+from sldvexp.laser import TwoMirror
 from sldvexp.volume import Grid
 from tests.console.served import Served
 
@@ -73,14 +74,16 @@ def planned(monkeypatch):
     now, after = plan(2e-3, undetermined=4), plan(1e-3, added=(stand,))
     monkeypatch.setattr(planner, "check_stands", lambda *_: now)
     monkeypatch.setattr(planner, "next_stand", lambda *_: after)
+    monkeypatch.setattr(console, "_drawn", lambda plan: b"drawn")
 
 
 VOLUME = Grid(size=[0.3, 0.2], shape=[5, 4], layers=2)
 
 
 def test_advice_tells_what_is_reached_and_where_to_stand_next(planned):
-    told = console.advice(Experiment(volume=VOLUME), {"pose": None, "image/1": None})
-    assert told == [
+    found = console.advice(Experiment(volume=VOLUME), {"pose": None, "image/1": None})
+    assert found.figure == b"drawn"
+    assert found.told == [
         "If you stopped here: 4 of 9 nodes are seen by too few views to determine all components.",
         "Stand next at (1.00, 2.00, 3.46) m and look at (0.00, 0.00, 0.00) m. Then: the r.m.s. "
         "bound is 1 mm/s, of the noise at every place by itself.",
@@ -88,13 +91,34 @@ def test_advice_tells_what_is_reached_and_where_to_stand_next(planned):
 
 
 def test_advice_without_a_volume_or_with_too_few_views_says_so(planned, monkeypatch):
-    assert "Without a volume" in console.advice(Experiment(), {"image/1": None})[0]
+    assert "Without a volume" in console.advice(Experiment(), {"image/1": None}).told[0]
 
     def few(*_):
         raise UserError("3 are needed")
 
     monkeypatch.setattr(planner, "next_stand", few)
-    told = console.advice(Experiment(volume=VOLUME), {"image/1": None})
+    told = console.advice(Experiment(volume=VOLUME), {"image/1": None}).told
     assert told[-1] == "No stand can be advised: 3 are needed."
     monkeypatch.setattr(planner, "check_stands", few)
-    assert console.advice(Experiment(volume=VOLUME), {"image/1": None}) == [console.TOO_FEW]
+    assert console.advice(Experiment(volume=VOLUME), {"image/1": None}).told == [console.TOO_FEW]
+
+
+def test_advice_before_a_scan_is_what_the_given_stands_reach(planned, monkeypatch):
+    asked = []
+    monkeypatch.setattr(planner, "check_stands", lambda *given: asked.append(given) or NOW)
+    experiment = Experiment(volume=VOLUME)
+    found = console.advice(experiment, {})
+    assert asked == [(experiment,)]
+    assert found.told[0].startswith("The stands that are given: the r.m.s. bound is 2 mm/s")
+    assert (found.told[1], found.figure) == (console.BETTER, b"drawn")
+
+
+NOW = types.SimpleNamespace(
+    asked=2e-3, undetermined=0, goal=types.SimpleNamespace(criterion=PlanCriterion.mean)
+)
+
+
+def test_figure_of_a_plan_is_a_picture():
+    experiment = Experiment(volume=VOLUME, laser=TwoMirror())
+    experiment.plan.candidates = 50
+    assert console._drawn(planner.plan(experiment)).startswith(b"\x89PNG")

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sldvexp.console.afterwards import Afterwards, of_view, sentences
+from sldvexp.console.afterwards import Advice, Afterwards, of_view, sentences
 from sldvexp.dataset import Finding, Severity
 from sldvexp.errors import UserError
 from sldvexp.session.session import scan_views
@@ -30,7 +30,7 @@ def test_pose_of_every_view_is_told_with_bounds_and_verdict(scanned):
 
     def advise(experiment, so_far):
         assert experiment is made
-        return [", ".join(sorted(so_far))]
+        return Advice([", ".join(sorted(so_far))])
 
     after = Afterwards(made, lambda views: told.append(dict(views)), advise, advised.append)
     after.view_done("1", {"edge/1": groups["edge/1"]})
@@ -43,7 +43,7 @@ def test_pose_of_every_view_is_told_with_bounds_and_verdict(scanned):
         assert view[0].startswith("Pose: origin (")
         assert "95 % bounds; trusted" in view[0]
         assert view[-1].startswith("the circle around DAC steps")
-    assert advised[-1] == ["edge/1, edge/2, pose"]
+    assert advised[-1].told == ["edge/1, edge/2, pose"]
     result = made.pose.estimate(made.laser, made.target, groups)
     origin = result.pose["origin"].sel(view="2").values
     assert ", ".join(f"{x:.4f}" for x in origin) in last["2"][0]

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sldvexp.console.painting import Painter, spacing
+from sldvexp.console.painting import Painter, pitch, spacing
 from sldvexp.console.scanning import Asked, Scanning
 from sldvexp.instrument.visa import Visa
 from sldvexp.session.session import scan_views
@@ -122,7 +122,7 @@ def test_stopped_scan_goes_on_where_it_was_to_the_same_bits(scan, plain):
         scan({5: ["stop"]})
     found, watcher = scan({})
     assert same(found, plain)
-    assert watcher._scanned == watcher._pixels - 5 * 7
+    assert watcher._progress.tally.done.total() == 84  # those of the journal too
 
 
 def test_browsers_see_how_far_it_is_and_every_pixel(scan, board, plain):
@@ -163,10 +163,10 @@ def test_operator_is_asked_on_the_page(board, wishes):
 
 def test_pixels_of_lines_meet_their_neighbours():
     row = np.array([[0, 0], [0, 10], [0, 20]])
-    assert spacing(row, ([-1, -1], [99, 99]), 10) == (10, 10)
-    slope = np.array([[0, 0], [1, 2], [2, 4]])
-    assert spacing(slope, ([0, 0], [9, 9]), 0) == (2, 2)
-    assert spacing(row[:1], ([0, 0], [9, 9]), 0) == (1, 1)
+    assert spacing(row) == 10
+    assert spacing(np.array([[0, 0], [1, 2], [2, 4]])) == 2
+    assert spacing(row[:1]) == 1
+    assert pitch(row) == (1, 10)
 
 
 def test_picture_that_cannot_be_painted_does_not_end_a_scan(two_images, scan, plain, monkeypatch):

@@ -54,6 +54,7 @@ WHOLE = {
     "dissertation/point_conventions",
     "dissertation/point_simulated",
     "dissertation/velocity_image",
+    "plate_broadband",
     "spoiled/base",
     "spoiled/circles",
     "spoiled/clean",

@@ -269,10 +269,30 @@ def test_standard_errors_of_coherence(write, truth, uff):
     )
     views = write(after=after)
     std = read(views, averages=8)["velocity_std"].sel(view="b").values
-    expected = np.abs(truth[1]["b"]) * np.sqrt((1 - coherence) / (16 * coherence))
+    expected = np.abs(truth[1]["b"]) * np.sqrt((1 - coherence) / (14 * coherence))
     np.testing.assert_allclose(std, expected, rtol=1e-5, atol=1e-300)
     refused(write(), "has no coherence of node 1", averages=8)
     np.testing.assert_array_equal(read(views, std=2e-6)["velocity_std"], 2e-6)
+
+
+def test_images_have_their_coherence_and_what_is_behind_them(write, uff):
+    square = np.array([0.5, 0.9, 1.0])
+    after = b"".join(
+        uff.function(n, square, kind=6, first=10.0, step=10.0, direction=0, quantity=1, unit="")
+        for n in range(1, 5)
+    )
+    tree, laser = poses()
+    views = {n: PointwiseView(path=v["path"]) for n, v in write(after=after).items()}
+    more = {**PLAIN, "directions": settings.Directions.pose, "reference": "2 N"}
+    for averages in (8, 0):
+        known = {"averages": averages} if averages else {"std": 1e-6}
+        image = UffImport(views=views, **more, **known).images_of_points(tree, laser)["image/a"]
+        assert image["reference_amplitude"].values.tolist() == [2.0] * 3
+        assert image["reference_amplitude"].attrs["units"] == "N"
+        assert ("coherence" in image) == ("records" in image) == bool(averages)
+        if averages:
+            np.testing.assert_allclose(image["coherence"], np.tile(square, (4, 1)), rtol=1e-6)
+            assert image["records"].values.tolist() == [8] * 4
 
 
 def test_chosen_frequencies_and_texts(write, truth, uff):
@@ -427,6 +447,8 @@ def test_settings_that_cannot_be():
         {"views": {"a": PointwiseView(path="x", origin=[1.0, 2.0, 3.0])}},
         {"views": {"a": PointwiseView(path="x")}, "std": 0.0},
         {"views": {"a": PointwiseView(path="x")}, "std": 1e-6, "averages": 3},
+        {"views": {"a": PointwiseView(path="x")}, "averages": 1},
+        {"views": {"a": PointwiseView(path="x")}, "noise_ratio": 2.0},
         {"views": {"a": PointwiseView(path="x")}, "frequency": [-1.0]},
     ):
         with pytest.raises(ConfigError):

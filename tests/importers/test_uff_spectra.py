@@ -86,6 +86,16 @@ def test_both_estimators(read, spectra):
     np.testing.assert_allclose(group["velocity"][0], H / COHERENCE, rtol=1e-10)
 
 
+def test_noise_in_both_with_its_ratio(read, spectra):
+    noise, ratio = 0.1 * G_FF, 3e-7
+    made = spectra(responses=np.abs(H) ** 2 * G_FF + ratio * noise, references=(G_FF + noise,))
+    group = read(made, estimator=Estimator.hv, noise_ratio=ratio)
+    np.testing.assert_allclose(group["velocity"][0], H, rtol=1e-9)
+    assert group.attrs["import_estimator"] == "hv"
+    h1 = read(made, estimator=Estimator.h1)
+    np.testing.assert_allclose(h1["velocity"][0], H / 1.1, rtol=1e-10)
+
+
 def test_response_functions_come_before_the_spectra_they_are_made_of(read, spectra, uff):
     even = {"first": 10.0, "step": 10.0, "type_": 6, "unit": "m/s"}
     content = spectra() + b"".join(uff.function(n, 3 * row, **even) for n, row in enumerate(H, 1))
@@ -102,7 +112,7 @@ def test_phase_and_chosen_lines(read, spectra):
 
 def test_errors_of_the_spectra_themselves(read, spectra):
     group = read(spectra(), estimator=Estimator.h1, averages=8)
-    expected = np.abs(H) * np.sqrt((1 - COHERENCE) / (16 * COHERENCE))
+    expected = np.abs(H) * np.sqrt((1 - COHERENCE) / (14 * COHERENCE))
     np.testing.assert_allclose(group["velocity_std"][0][:, :3], expected[:, :3], rtol=1e-9)
     # Of a coherence of 1 there is rounding left.
     assert (group["velocity_std"][0][:, 3] < 1e-5 * np.abs(H[:, 3])).all()
@@ -155,6 +165,11 @@ SPECTRA_REFUSED = {
         {"unit": "(mm/s)*N"},
         "its auto spectrum in (m/s)^2; the response must be in one unit in both",
         {"estimator": Estimator.h2},
+    ),
+    "both auto spectra for both noises": (
+        {"references": ()},
+        "needs one auto spectrum of its reference 99+Z",
+        {"estimator": Estimator.hv},
     ),
     "coherence": (
         {"responses": G_XX / 2},

@@ -15,6 +15,7 @@ from sldvexp.instrument.blocks import decoded
 from sldvexp.instrument.profile import SampleType
 from sldvexp.instrument.profile_file import load_profile
 from sldvexp.instrument.visa import CommandedInstrument
+from sldvexp.signal import Excitation, ExcitationKind
 
 CONF = Path(__file__).parents[2] / "conf"
 
@@ -143,6 +144,27 @@ def test_the_generator_beside_the_bus_is_asked_for(iotech, caplog):
         assert not caplog.records
         ours.configure(Acquisition(10000.0, 3, (450.0, 61.5), 0.5))
     assert "the generator is set by hand: 450, 61.5 Hz with 0.5 V" in caplog.text
+
+
+def test_a_device_that_takes_one_record_at_a_time_is_asked_for_each(iotech, caplog):
+    """What its generator plays, and in which records, is set by hand."""
+    design = Excitation(ExcitationKind.chirp, [200.0, 2000.0]).design(10000.0, 500)
+    transcript = Transcript(
+        *HELLO,
+        *CONFIGURED,
+        *moved(5, 6),
+        *sampled(1, 10, 2, 11, 3, 12),
+        *sampled(*range(6)),
+        *GOODBYE,
+    )
+    with talk(iotech, transcript) as ours:
+        ours.configure(Acquisition(10000.0, 3, (), 1.0, design, records=2, lead=1))
+        found = ours.scan(np.array([[5, 6]]))
+    assert transcript.left == []
+    assert found.records == 2
+    assert found.counts.tolist() == [[[1, 2, 3], [10, 11, 12]], [[0, 2, 4], [1, 3, 5]]]
+    told = "the generator is set by hand: chirp from 200 to 2000 Hz in records of 3 samples with 1"
+    assert told in caplog.text
 
 
 @pytest.mark.parametrize(

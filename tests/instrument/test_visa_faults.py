@@ -144,9 +144,7 @@ def test_a_shutter_that_is_closed(measured):
 def test_nobody_there(line):
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
-    told = (
-        rf"^connecting: lab: TCPIP::127.0.0.1::{port}::SOCKET cannot be reached: Connection refus"
-    )
+    told = rf"^connecting: device lab: TCPIP::127.0.0.1::{port}::SOCKET cannot be reached: "
     with (
         pytest.raises(InstrumentError, match=told),
         Visa(f"TCPIP::127.0.0.1::{port}::SOCKET").open(),
@@ -157,7 +155,7 @@ def test_nobody_there(line):
 @pytest.mark.parametrize("resource", ["TCPIP::nonsense", "GPIB0::9::INSTR", "hello"])
 def test_resources_that_cannot_be(resource):
     with (
-        pytest.raises(InstrumentError, match=rf"^connecting: lab: {resource} cannot be (ope|rea)"),
+        pytest.raises(InstrumentError, match=rf"^connecting: device lab: {resource} cannot be "),
         Visa(resource, retries=0).open(),
     ):
         pass

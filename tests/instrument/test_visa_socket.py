@@ -164,7 +164,7 @@ def test_by_default_it_is_the_lab_of_the_automated_pose():
         (["seed=x"], "seed must be a whole number, not x"),
         (["seed=-1"], "seed must be zero or a positive integer, not -1"),
         (["scene.speakers={9: {}}"], "scene.speakers.9: the calibration object has no circle 9"),
-        (["experiment=pose", "pose.path=x.reg"], "there is no scene to serve; choose scene=calib"),
+        (["experiment=pose", "pose.path=x.reg"], "there is no scene to serve; choose scene=annu"),
         (["experiment=nothing"], "there is no experiment=nothing"),
     ],
 )
@@ -240,6 +240,40 @@ def test_a_strange_folder_is_held_to_the_same_rules(own_folder, name, text, told
     with pytest.raises(UserError, match=told) as error:
         console.serve(["experiment=mine"], port=0, config_dir=str(own_folder))
     assert "\n" not in str(error.value)
+
+
+#: A plan of stands, as `sldvexp plan` writes it of an experiment that has no scene.
+PLANNED = (
+    "# @package _global_\ndefaults:\n  - override /target: mine\n  - override /laser: mine\n"
+    "  - override /scan: session\n"
+    "scan:\n  poses:\n    '1': {origin: [-0.9, 1.1, 1.2], look_at: [0.4, 0.1, 0]}\n"
+    "    front: {origin: [0.46, 0.09, 2.02], look_at: [0.45, 0.1, 0]}\n"
+)
+
+
+def test_stands_that_are_planned_are_served_in_any_scene(served, own_folder):
+    (own_folder / "experiment" / "planned.yaml").write_text(PLANNED)
+    chosen = ["experiment=planned", "scene=mine"]
+    scene, (told,) = console.with_planned_stands(console.experiment(chosen, str(own_folder)))
+    assert scene.views["front"].origin == [450, 100, 2000]  # as near as a person stands
+    assert scene.views["1"].origin == [-0.9, 1.1, 1.2]
+    assert "rough poses have it in 1: the scene has the views front," in told
+    process, resource = served("--config-dir", str(own_folder), *chosen)
+    assert "stands exactly where" in process.stdout.readline()
+    with Visa(resource).open(view="1") as ours:
+        ours.configure(ACQUISITION)
+
+
+def test_a_stand_that_only_has_the_name_of_a_planned_one_is_another(own_folder):
+    (own_folder / "experiment" / "planned.yaml").write_text(PLANNED.replace("2.02", "1.5"))
+    made = console.experiment(["experiment=planned", "scene=mine"], str(own_folder))
+    assert console.with_planned_stands(made)[0].views["front"].origin == [0.46, 0.09, 1.5]
+
+
+def test_who_chooses_no_scene_is_told_their_own_ones(own_folder):
+    (own_folder / "experiment" / "planned.yaml").write_text(PLANNED)
+    with pytest.raises(UserError, match=r"there is no scene to serve; choose scene=mine$"):
+        console.serve(["experiment=planned"], port=0, config_dir=str(own_folder))
 
 
 def test_a_folder_that_is_not_there(tmp_path):

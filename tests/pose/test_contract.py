@@ -8,14 +8,54 @@ import pytest
 from sldvexp import dataset
 from sldvexp.config import registry
 from sldvexp.errors import UserError
-from sldvexp.geometry import KnownPose, euler_from_rotation, rotation_from_euler
+from sldvexp.geometry import (
+    KnownPose,
+    euler_from_rotation,
+    rotation_from_euler,
+    rotation_from_vector,
+)
+from sldvexp.image import ScanLineEdges
+from sldvexp.io import read_mesh
 from sldvexp.io.registration import RegistrationTable, to_dataset
-from sldvexp.laser import project
+from sldvexp.laser import PartOutline, project
 from sldvexp.pose import EXTRINSICS, PROMISED, PoseResult
+from sldvexp.pose.bundle import Distance
+from sldvexp.session.circles import edges_to_dataset
 
 METHODS = sorted(registry.BUILT_IN["pose"])
 POSTS = {"low": [0.0, 0.0, 0.1], "med": [0.1, 0.0, 0.1], "high": [0.1, 0.2, 0.15]}
 CORNERS = {"one": [0.0, 0.0, 0.0], "two": [0.28, 0.0, 0.0], "three": [0.28, 0.28, 0.0]}
+
+
+#: A plate with a step in its outline, so that it looks like nothing else after half a turn.
+PART = "v 0 0 0\nv 0.28 0 0\nv 0.28 0.2 0\nv 0.1 0.2 0\nv 0.1 0.28 0\nv 0 0.28 0\n" + (
+    "f 1 2 3\nf 1 3 4\nf 1 4 5\nf 1 5 6\n"
+)
+
+
+def outline_of(part, laser, rotation, origin, path):
+    """Exact edges of a part's outline, and a rough pose a little beside."""
+    point, outward = part.outline(rotation, origin, laser, 60)
+    found = part.crossings(point, outward, rotation, origin, laser, 5.0)
+    place = point[found.line] + found.along[:, None] * outward[found.line]
+    count = len(place)
+    edges = ScanLineEdges(
+        position=laser.dac_from_angle(place * laser.step),
+        std=np.full(count, 0.02),
+        direction=outward[found.line],
+        width=np.zeros(count),
+        line=np.arange(count),
+        rising=np.zeros(count, bool),
+        phase=np.zeros(count),
+        rejected=(),
+        lines=count,
+        name="the outline",
+    )
+    group = edges_to_dataset([edges])
+    turn = rotation_from_vector([0.01, -0.02, 0.015])
+    rough = {"rough_rotation": (turn @ rotation).ravel(), "rough_origin": origin + 0.01}
+    group.attrs |= {"part": path, "part_unit": "m", **rough}
+    return group
 
 
 class World:
@@ -41,6 +81,20 @@ class World:
         ]  # fmt: skip
         self.tree = {**lab.tree(None), "registration": to_dataset(tables)}
 
+    def tree_for(self, name, folder):
+        """The run's data: edges are those of circles, or of a part's outline."""
+        if name != "part":
+            return dict(self.tree)
+        path = folder / "part.obj"
+        path.write_text(PART)
+        mesh = read_mesh(path, 1.0, False)
+        part = PartOutline.from_mesh(mesh.position, mesh.triangles)
+        outlines = {
+            f"edge/{view}": outline_of(part, self.laser, r, o, str(path))
+            for view, (r, o) in self.truth.items()
+        }
+        return {**self.tree, **outlines}
+
     def method(self, name, folder):
         """The method as a run has it: most find what they need in the run's data."""
         plugin = registry.get("pose", name)
@@ -57,6 +111,13 @@ class World:
             view, (r, o) = next(iter(self.truth.items()))
             path = self.digitised(folder / "d.csv", r, o)
             return plugin(path, instrument_points=POSTS, object_points=CORNERS, view=view)
+        if name == "bundle":
+            if len(self.truth) < 2:
+                pytest.skip("unknown points need two views")
+            points = self.target.points()
+            length = np.linalg.norm(points.position[0] - points.position[-1])
+            ends = [int(points.number[0]), int(points.number[-1])]
+            return plugin(distances=[Distance(ends, float(length))])
         return plugin()
 
     def digitised(self, path, rotation, origin):
@@ -77,7 +138,8 @@ def world(request, edge_lab, make_circles):
 
 
 def estimate(world, name, folder):
-    return world.method(name, folder).estimate(world.laser, world.target, dict(world.tree))
+    tree = world.tree_for(name, folder)
+    return world.method(name, folder).estimate(world.laser, world.target, tree)
 
 
 @pytest.mark.one_in(5)
@@ -134,4 +196,4 @@ def test_what_is_missing_is_said(world, name, tmp_path):
     with pytest.raises(UserError):
         method.estimate(world.laser, world.target, {})
     with pytest.raises(UserError, match="choose one with laser=name"):
-        method.estimate(None, world.target, dict(world.tree))
+        method.estimate(None, world.target, world.tree_for(name, tmp_path))

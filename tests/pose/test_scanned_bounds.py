@@ -18,6 +18,7 @@ from sldvexp.pose.bitangent import Bitangent
 from sldvexp.pose.edge import Edge
 from sldvexp.session import Camera
 from sldvexp.session.circles import edges_to_dataset, scan_circles
+from sldvexp.session.search import RoughCircle
 from sldvexp.virtual_lab import VirtualLab
 
 SMALL = ["scan.sampling.samples=64", "scan.coarse.pixels=180"]
@@ -59,7 +60,8 @@ class Scans:
             self.truth = lab.true_pose("1")
             with Camera(lambda: nullcontext(lab), e.signal, NoJournal()) as camera:
                 camera.sample(e.scan.sampling)
-                return edges_to_dataset(scan_circles(camera, e.scan, e.scan.centres("1"), e.laser))
+                circles = [RoughCircle(centre) for centre in e.scan.centres("1")]
+                return edges_to_dataset(scan_circles(camera, e.scan, circles, e.laser))
 
     def poses(self, method, equal=False):
         """Errors (scan, 6) of the pose, their standard errors, whether covered; kinds of findings.

@@ -102,4 +102,4 @@ def test_show_of_no_run_is_refused_in_a_sentence(sldvexp, tmp_path, name):
     done = sldvexp("show", f"{tmp_path}/x/{name}")
     assert done.status == 1
     assert done.err.count("\n") == 1
-    assert "has no run.nc; give a finished run" in done.err
+    assert "has no run.nc; give a run, a sweep" in done.err

@@ -8,14 +8,20 @@ import pytest
 from sldvexp.errors import ConfigError, UserError
 from sldvexp.io.scan_files import write_list
 from sldvexp.scan import Sampling, Scan, ScanPart
+from sldvexp.scan.base import Trigger
 from sldvexp.scan.calibration import CalibrationScan, Centres
 from sldvexp.scan.lines import rectangle, strided
 from sldvexp.scan.pixel_list import LINE, PixelList, PixelSequence
 from sldvexp.scan.rectangle import Rectangle, ScanRegion
 from sldvexp.scan.session import Session
+from sldvexp.signal import ExcitationKind, LineChoice
 
 BOX = [[10, -5], [12, 40], [-30, 38], [-28, -6]]
 SCAN_RECT = "11 12\n-5 10\n40 12\n38 -30\n-6 -28\n"
+
+
+def chirp(kind="chirp", **settings):
+    return Sampling(excitation=ExcitationKind[kind], **settings)
 
 
 def problems(cls, **settings):
@@ -101,6 +107,14 @@ def test_a_list_is_scanned_in_its_order_line_by_line(tmp_path):
         ({"stride": 0}, "stride", "must be 1 or more"),
         ({"views": {"a/b": ScanRegion(path="x")}}, "views", "one that a folder can have"),
         ({"sampling": Sampling(frequency=[20000.0])}, "sampling.frequency", "needs a rate above"),
+        ({"sampling": Sampling(records=1)}, "sampling.records", "must be 2 or more"),
+        ({"sampling": Sampling(again=-1)}, "sampling.again", "must be 0 or more"),
+        ({"sampling": Sampling(spare=-1.0)}, "sampling.spare", "must be zero or a pos"),
+        ({"sampling": chirp(band=[500.0])}, "sampling.band", "two increasing positive freq"),
+        ({"sampling": chirp(band=[50.0, 15000.0])}, "sampling.band", "needs a rate above 30000"),
+        ({"sampling": chirp(band=[51.0, 54.0])}, "sampling.band", "no line of a record of 0.02 s"),
+        ({"sampling": chirp(lines=LineChoice.odd)}, "sampling.lines", "can be chosen of multisine"),
+        ({"sampling": chirp("hammer", trigger=Trigger.free)}, "sampling.trigger", "holds a part"),
     ],
 )
 def test_wrong_rectangles(settings, field, message):
@@ -186,3 +200,14 @@ def test_settings_of_a_part_are_named_in_full(sldvexp):
         f"{where}.structure.stride must be 1 or more, not 0",
         f"{where}.structure.views.a.corners must be 4 pairs [up_down, left_right]",
     ]
+
+
+def test_averages_take_their_time():
+    averages = chirp(rate=5120.0, samples=1024, records=10, lead=1)
+    scan = Rectangle(views={"a": ScanRegion(BOX)}, pixels=[2, 3], sampling=averages)
+    assert scan.seconds("a") == pytest.approx(6 * 11 * 0.2)
+
+
+def test_circles_are_found_by_one_sine():
+    told = problems(CalibrationScan, views={"a": Centres([[0, 0]])}, sampling=chirp())
+    assert "must be sine" in told["sampling.excitation"]

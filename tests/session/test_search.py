@@ -12,10 +12,12 @@ from sldvexp.errors import UserError
 from sldvexp.geometry import KnownPose, euler_from_rotation, rotation_from_vector
 from sldvexp.instrument import Replay
 from sldvexp.instrument.recording import JOURNAL
+from sldvexp.laser import dac_of_points
 from sldvexp.scan.calibration import Centres
 from sldvexp.session.camera import Operator
 from sldvexp.session.search import PredictedCircle, spots_of
 from sldvexp.session.session import scan_views
+from sldvexp.targets import Plane
 from sldvexp.units import LengthUnit
 
 pytestmark = pytest.mark.usefixtures("client_clock")
@@ -196,8 +198,72 @@ def test_an_instrument_at_fault_is_told_as_the_cause(composed, tmp_path, wrong, 
         scan_views(e, tmp_path)
 
 
+#: Four circles of 40 mm, the second on a block that hides the first from the right.
+BLOCK = {1: (0.03, 0.03), 2: (0.16, 0.03), 3: (0.15, 0.225), 4: (0.03, 0.215)}
+
+
+def before(composed, circles, diameter, places, *more):
+    """A session before circles of one diameter, the true places being as far off as rough ones."""
+    told = ", ".join(
+        f"{n}: {{x: {x}, y: {y}, diameter: {diameter}}}" for n, (x, y) in circles.items()
+    )
+    poses = {
+        view: KnownPose(origin=origin, look_at=[0.25, 0.1, 0.0])
+        for view, origin in zip("ab", places, strict=True)
+    }
+    e = composed(
+        "scan=session",
+        *SMALL,
+        f"scan.structure.corners_at={CORNERS}",
+        "target=schema/circles",
+        f"target.circles={{{told}}}",
+        *more,
+    )
+    rough = {view: off(pose, 0.4, 10.0, 1) for view, pose in poses.items()}
+    return replace(e, scene=replace(e.scene, views=poses), scan=replace(e.scan, poses=rough))
+
+
+@pytest.mark.parametrize("x", [0.16, 0.12])
+def test_a_circle_behind_another_one_is_told_as_that(composed, tmp_path, x):
+    """Also where all of it is hidden, and the other one is found in its place."""
+    places = [0.2, 0.1, 1.5], [1.62, 0.11, 1.49]
+    e = before(composed, BLOCK | {2: (x, 0.03)}, 0.04, places)
+    raised = e.target.circles | {2: replace(e.target.circles[2], plane="raised")}
+    planes = e.target.planes | {"raised": Plane(origin=[0, 0, 0.1])}
+    e = replace(e, target=replace(e.target, circles=raised, planes=planes))
+    told = (
+        "^scan: in the view b, .*circle 1 is hidden in part by circle 2, or looks too near to it, "
+        "at another depth; stand more in front of the calibration object, or take that block or "
+        "circle away; sldvexp aim tells"
+    )
+    with pytest.raises(UserError, match=told):
+        scan_views(e, tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("board", "diameter", "away"),
+    [("bits_12_sign", 0.1, 0.9), ("bits_16", 0.1, 0.9), ("bits_16", 0.02, 1.8)],
+)
+def test_lines_are_as_long_as_the_circles_need(composed, tmp_path, board, diameter, away):
+    """Wide circles near by, and small ones far away, without any stride given."""
+    circles = {1: (0, 0), 2: (0.2, 0.02), 3: (0.18, 0.2), 4: (0.02, 0.19)}
+    places = [0.2, 0.1, away], [0.8, 0.1, away]
+    e = before(composed, circles, diameter, places, f"laser.board={board}")
+    found = scan_views(e, tmp_path)
+    outlines = e.target.outlines()
+    for view in "ab":
+        pose = e.scene.views[view]
+        for k, (_, edges) in enumerate(found[f"edge/{view}"].groupby("circle")):
+            steps = dac_of_points(outlines[k], pose.rotation, pose.place, e.laser, ["rim"] * 16)
+            assert edges.sizes["edge"] == 8
+            off_by = edges["dac"].values.mean(axis=0) - steps.mean(axis=0)
+            assert np.abs(off_by).max() < 0.02 * np.ptp(steps, axis=0).max()
+
+
 def test_only_a_whole_spot_of_the_circles_size_is_one():
-    circle = PredictedCircle(1, np.zeros(2), np.full(2, 4.0), 12.0, np.full(2, 20.0))
+    circle = PredictedCircle(
+        1, np.zeros(2), np.full(2, 4.0), 12.0, np.full(2, 20.0), np.zeros((16, 2)), np.zeros(3)
+    )
     size = 2 * circle.rings + 1
     middle = circle.rings
 

@@ -5,6 +5,8 @@ import { Cells, paintRamp } from "./cells.js";
 const $ = (id) => document.getElementById(id);
 const STEPS = [1, 10, 100];
 const NAMES = { circle: "circle", corner: "corner", spot: "spot", fiducial: "mark" };
+/** Colour of corners, and of the region between them. */
+const CORNER = "#e08a00";
 /** The page says so often that an arrow is held, ms; the beam begins to run after a while. */
 const HELD = 200, LONG = 300;
 
@@ -18,6 +20,7 @@ export class Aim {
     this.wanted = {};
     this.chosen = null;
     this.step = 10;
+    this.raster = [];
     paintRamp($("ramp"));
     this.topics = {
       setup: (word) => this.setUp(word),
@@ -96,10 +99,32 @@ export class Aim {
     $("flags").textContent = word.flags.length ? `not to be trusted: ${word.flags.join(", ").replaceAll("_", " ")}` : "good";
   }
 
-  showRaster(header, [dac, value, flag]) {
-    if (header.begin) this.map.forget();
-    else this.map.add(dac, value, flag, header.cell);
-    $("range").textContent = `0 to ${this.map.top.toPrecision(3)} mm/s`;
+  showRaster(header, arrays) {
+    if (header.begin) {
+      this.raster = [];
+      this.map.forget();
+    } else {
+      this.raster.push({ cell: header.cell, arrays });
+      this.addToMap(header.cell, arrays);
+    }
+    this.showRange();
+  }
+
+  /** Add a part of the quick look: the velocity with its flags, or the reference's level. */
+  addToMap(cell, [dac, velocity, flag, reference]) {
+    if ($("shown").value === "reference") this.map.add(dac, reference, new Uint8Array(flag.length), cell);
+    else this.map.add(dac, velocity, flag, cell);
+  }
+
+  showRange() {
+    $("range").textContent = `0 to ${this.map.top.toPrecision(3)} ${$("shown").value === "reference" ? "V" : "mm/s"}`;
+  }
+
+  /** Show the other quantity of the same look. */
+  showOther() {
+    this.map.forget();
+    for (const { cell, arrays } of this.raster) this.addToMap(cell, arrays);
+    this.showRange();
   }
 
   // ---- marks ----
@@ -125,7 +150,7 @@ export class Aim {
   showMarks(word) {
     const other = word.view !== this.marks.view, before = this.marks.marks.length;
     this.marks = { predicted: [], outlines: [], ...word };
-    const options = word.views.map(({ name, marks }) => new Option(marks ? `${name} (${marks} marks)` : name, name, false, name === word.view));
+    const options = word.views.map(({ name, marks }) => new Option(marks ? `${name} (${marks} mark${marks > 1 ? "s" : ""})` : name, name, false, name === word.view));
     $("view").replaceChildren(...options);
     if (other || !this.chosen || word.marks.length > before) this.chooseNext();
     $("pose").textContent = word.pose ?? "";
@@ -188,18 +213,32 @@ export class Aim {
       if (closed) context.closePath();
       context.stroke();
     }
-    context.font = "bold 13px sans-serif";
-    for (const mark of this.marks.predicted ?? []) if (!this.at(mark)) drawCross(context, at(mark.dac), "#19a3a3", `${mark.number}?`);
-    for (const mark of this.marks.marks) drawCross(context, at(mark.dac), mark.kind === "corner" ? "#e08a00" : "#2f9e3f", String(mark.number));
+    const size = Math.max(width / (canvas.clientWidth || width), 1);  // on a small screen not smaller
+    context.font = `bold ${13 * size}px sans-serif`;
+    this.drawRegion(context, at);
+    for (const mark of this.marks.predicted ?? []) if (!this.at(mark)) drawCross(context, at(mark.dac), mark.kind === "corner" ? CORNER : "#19a3a3", `${mark.number}?`, size);
+    for (const mark of this.marks.marks) drawCross(context, at(mark.dac), mark.kind === "corner" ? CORNER : "#2f9e3f", String(mark.number), size);
     const [x, y] = at(this.beam);
     for (const [colour, thick] of [["#fff", 4], ["#c00000", 2]]) {
       context.strokeStyle = colour;
       context.lineWidth = thick;
       context.beginPath();
-      context.arc(x, y, 6, 0, 7);
-      for (const [dx, dy] of [[1, 0], [-1, 0], [0, 1], [0, -1]]) { context.moveTo(x + 6 * dx, y + 6 * dy); context.lineTo(x + 14 * dx, y + 14 * dy); }
+      context.arc(x, y, 6 * size, 0, 7);
+      for (const [dx, dy] of [[1, 0], [-1, 0], [0, 1], [0, -1]]) { context.moveTo(x + 6 * size * dx, y + 6 * size * dy); context.lineTo(x + 14 * size * dx, y + 14 * size * dy); }
       context.stroke();
     }
+  }
+
+  /** Draw the box of the region that is imaged, around its corners as marked or predicted. */
+  drawRegion(context, at) {
+    const corners = (this.wanted.corner ?? []).map((number) => this.placeOf({ kind: "corner", number }));
+    if (!corners.length || corners.some((dac) => !dac)) return;
+    const [low, high] = [Math.min, Math.max].map((limit) => [0, 1].map((k) => limit(...corners.map((dac) => dac[k]))));
+    const [a, b] = [at(low), at(high)];
+    context.strokeStyle = CORNER;
+    context.setLineDash([6, 5]);
+    context.strokeRect(Math.min(a[0], b[0]), Math.min(a[1], b[1]), Math.abs(a[0] - b[0]), Math.abs(a[1] - b[1]));
+    context.setLineDash([]);
   }
 
   // ---- what the person does ----
@@ -238,6 +277,7 @@ export class Aim {
     actions.write = () => this.page.wish("write", { name: $("name").value.trim(), replace: $("replace").checked });
     actions.start = () => this.page.wish("scan", { name: $("name").value.trim(), replace: $("replace").checked });
     for (const [id, action] of Object.entries(actions)) $(id).addEventListener("click", action);
+    $("shown").addEventListener("change", () => this.showOther());
     $("view").addEventListener("change", () => this.page.wish("view", { name: $("view").value }));
     for (const radio of document.querySelectorAll("[name=step]")) radio.addEventListener("change", () => this.setStep(Number(radio.value)));
     for (const id of ["slide-up", "slide-left"]) {
@@ -287,26 +327,27 @@ export class Aim {
   }
 }
 
-function drawCross(context, [x, y], colour, text) {
+function drawCross(context, [x, y], colour, text, size) {
+  const arm = 6 * size, aside = 8 * size;
   for (const [stroke, thick] of [["#fff", 4], [colour, 2]]) {
     context.strokeStyle = stroke;
     context.lineWidth = thick;
     context.beginPath();
-    context.moveTo(x - 6, y - 6); context.lineTo(x + 6, y + 6);
-    context.moveTo(x - 6, y + 6); context.lineTo(x + 6, y - 6);
+    context.moveTo(x - arm, y - arm); context.lineTo(x + arm, y + arm);
+    context.moveTo(x - arm, y + arm); context.lineTo(x + arm, y - arm);
     context.stroke();
   }
   context.lineWidth = 3;
   context.strokeStyle = "#fff";
-  context.strokeText(text, x + 8, y - 8);
+  context.strokeText(text, x + aside, y - aside);
   context.fillStyle = colour;
-  context.fillText(text, x + 8, y - 8);
+  context.fillText(text, x + aside, y - aside);
 }
 
 function showCamera(header, [grey]) {
   const canvas = $("camera");
+  $("camera-box").hidden = !grey;  // an instrument that is left or lost shows nothing
   if (!grey) return;
-  $("camera-box").hidden = false;
   canvas.width = header.columns;
   canvas.height = header.rows;
   const context = canvas.getContext("2d"), image = context.createImageData(header.columns, header.rows);

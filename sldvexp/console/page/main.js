@@ -65,11 +65,18 @@ for (const [i, tab] of tabs.entries()) {
   });
 }
 
+/** Show advice on stands, and its figure if there is one: each has an address of its own. */
+function showPlan({ told, figure }) {
+  $("planned").replaceChildren(...told.map((text) => Object.assign(document.createElement("p"), { textContent: text })));
+  $("plan-link").hidden = !figure;
+  if (figure) $("plan-figure").src = $("plan-link").href = `plan.png?${figure}`;
+}
+
 const topics = {
   who: showWho,
   said: (word) => say(word.text, word.problem),
   phase: (word) => { if (word !== page.phase) choose(word === "aim" ? "aim" : word); page.phase = word; },
-  planned: (word) => { $("planned").replaceChildren(...word.map((text) => Object.assign(document.createElement("p"), { textContent: text }))); },
+  planned: showPlan,
   result: (word) => scan.result(word),
 };
 
@@ -96,6 +103,7 @@ const link = new Link({
   picture(header, arrays) { (aim.pictures[header.picture] ?? scan.pictures[header.picture] ?? (() => {}))(header, arrays); },
 });
 
+$("examine").addEventListener("click", () => link.wish("plan"));
 $("take").addEventListener("click", () => link.wish("take"));
 $("leave").addEventListener("click", () => link.wish("leave"));
 update();

@@ -4,11 +4,15 @@ import { Cells, paintRamp } from "./cells.js";
 
 const $ = (id) => document.getElementById(id);
 
-/** Say a time as people do. */
-export function inWords(seconds) {
-  if (seconds < 90) return `${Math.round(seconds)} s`;
-  const minutes = Math.round(seconds / 60);
-  return minutes < 90 ? `${minutes} min` : `${Math.floor(minutes / 60)} h ${minutes % 60} min`;
+/** Make pairs of a list of descriptions. */
+function pairs(entries) {
+  return entries.map(([name, value]) => {
+    const pair = document.createElement("div"), dt = document.createElement("dt"), dd = document.createElement("dd");
+    dt.textContent = name;
+    dd.textContent = value;
+    pair.append(dt, dd);
+    return pair;
+  });
 }
 
 export class Scan {
@@ -32,8 +36,8 @@ export class Scan {
   }
 
   update(steering) {
-    const now = this.now ?? {};
-    const can = { pause: now.running && !now.paused, "go-on": now.paused, again: now.running, "again-bad": now.running, skip: now.running, stop: now.running };
+    const now = this.now ?? {}, free = now.running && !this.asked;  // who is asked answers first
+    const can = { pause: free && !now.paused, "go-on": now.paused, again: free, "again-bad": free, skip: free, stop: now.running };
     for (const [id, possible] of Object.entries(can)) $(id).disabled = !(steering && possible);
   }
 
@@ -41,17 +45,11 @@ export class Scan {
     this.now = word;
     $("progress").value = word.part ?? 0;
     $("progress-told").textContent = word.told;
-    const facts = Object.entries(word.facts ?? {}).map(([name, value]) => {
-      const pair = document.createElement("div"), dt = document.createElement("dt"), dd = document.createElement("dd");
-      dt.textContent = name;
-      dd.textContent = value;
-      pair.append(dt, dd);
-      return pair;
-    });
-    $("facts").replaceChildren(...facts);
+    $("facts").replaceChildren(...pairs(Object.entries(word.facts ?? {})));
   }
 
   ask(word) {
+    this.asked = Boolean(word);
     $("ask").hidden = !word;
     if (!word) return;
     $("asked").textContent = word.text;
@@ -60,7 +58,7 @@ export class Scan {
   }
 
   done(views) {
-    const parts = views.flatMap(({ name, told }) => {
+    const parts = [...views].reverse().flatMap(({ name, told }) => {
       const head = document.createElement("h2"), list = document.createElement("ul");
       head.textContent = `View ${name}`;
       list.append(...told.map((text) => Object.assign(document.createElement("li"), { textContent: text })));
@@ -81,6 +79,7 @@ export class Scan {
 
   result(word) {
     $("result-told").textContent = word.told;
+    $("result-lines").replaceChildren(...pairs(word.lines ?? []));
     $("report").hidden = !word.page;
   }
 }

@@ -22,7 +22,7 @@ ANALYSES = {
     6: "of buckling",
     7: "of a complex mode",
 }
-RESPONSE = 5
+NORMAL_MODE, RESPONSE = 2, 5
 #: Directions of a node's values by their number: a scalar, translations, translations and turns.
 DIRECTIONS_OF = {1: (0,), 3: (1, 2, 3), 6: (1, 2, 3, 4, 5, 6)}
 #: Types of values: whether they are complex.
@@ -66,17 +66,10 @@ def read_nodal(source: Source, entry: DataSet, containing: str = "") -> Nodal | 
     UserError
         If it is broken, is of a mode, or its values are of more than displacements in space.
     """
-    lines = TextLines(source, entry)
-    if entry.kind == ANALYSIS:
-        lines.integers("the label of the data set", 1)
-        lines.next("the name of the data set")
-        place = lines.integers("the place of the values", 1)[0]
-        if place != AT_NODES:
-            raise lines.wrong(f"the values must be at nodes (place {AT_NODES}), not place {place}")
-    text = tuple(decoded(lines.next("a line of text")).strip() for _ in range(5))
-    if containing not in " ".join(text):
+    head = _head(source, entry, containing)
+    if head is None:
         return None
-    _, analysis, _, quantity, type_, count = lines.integers("the kinds of the values", 6)[:6]
+    lines, text, (_, analysis, _, quantity, type_, count) = head
     if analysis != RESPONSE:
         raise lines.wrong(
             f"these values are {ANALYSES.get(analysis, f'of the analysis type {analysis}')}, not "
@@ -91,13 +84,67 @@ def read_nodal(source: Source, entry: DataSet, containing: str = "") -> Nodal | 
     frequency = (_frequency_2414 if entry.kind == ANALYSIS else _frequency_55)(lines)
     if frequency < 0:
         raise lines.wrong(f"the frequency must be zero or positive, not {frequency:g}")
-    node, flat = _rows(lines, count * (1 + COMPLEX[type_]))
+    return _nodal(lines, text, quantity, frequency, COMPLEX[type_], count)
+
+
+def read_normal_mode(source: Source, entry: DataSet, containing: str = "") -> Nodal | None:
+    """Read one data set of a normal mode; None if it is of something else, or lacks a text.
+
+    Raises
+    ------
+    UserError
+        If it is broken, or its values are not three or six real ones a node.
+    """
+    head = _head(source, entry, containing)
+    if head is None or head[2][1] != NORMAL_MODE:
+        return None
+    lines, text, (_, _, _, quantity, type_, count) = head
+    if COMPLEX.get(type_) is not False or count not in (3, 6):
+        raise lines.wrong(
+            "a normal mode must have real values (type 2) of 3 or 6 directions, not of type "
+            f"{type_} and {count} directions"
+        )
+    if entry.kind == ANALYSIS:
+        frequency = _frequency_2414(lines)
+    else:
+        lines.integers("number of integers and of reals, load case and mode", 2)
+        frequency = lines.numbers("frequency, modal mass and damping", 1, WIDTH)[0]
+    return _nodal(lines, text, quantity, frequency, False, count)
+
+
+def _head(
+    source: Source, entry: DataSet, containing: str
+) -> tuple[TextLines, tuple[str, ...], list[int]] | None:
+    """Read what a data set is of; None if its identifying lines lack a text."""
+    lines = TextLines(source, entry)
+    if entry.kind == ANALYSIS:
+        lines.integers("the label of the data set", 1)
+        lines.next("the name of the data set")
+        place = lines.integers("the place of the values", 1)[0]
+        if place != AT_NODES:
+            raise lines.wrong(f"the values must be at nodes (place {AT_NODES}), not place {place}")
+    text = tuple(decoded(lines.next("a line of text")).strip() for _ in range(5))
+    if containing not in " ".join(text):
+        return None
+    return lines, text, lines.integers("the kinds of the values", 6)[:6]
+
+
+def _nodal(
+    lines: TextLines,
+    text: tuple[str, ...],
+    quantity: int,
+    frequency: float,
+    pairs: bool,
+    count: int,
+) -> Nodal:
+    """Read the values at the nodes, with real and imaginary parts in pairs if they are complex."""
+    node, flat = _rows(lines, count * (1 + pairs))
     order = np.argsort(node, kind="stable")
     node, flat = node[order], np.ascontiguousarray(flat[order])
     if len(twice := node[1:][node[1:] == node[:-1]]):
         raise lines.wrong(f"the node {twice[0]} has values twice")
-    values = flat.view(np.complex128) if COMPLEX[type_] else flat
-    return Nodal(entry, text, quantity, frequency, node, values)
+    values = flat.view(np.complex128) if pairs else flat
+    return Nodal(lines.entry, text, quantity, frequency, node, values)
 
 
 def _frequency_55(lines: TextLines) -> float:

@@ -29,7 +29,13 @@ from sldvexp.io.uff.functions import (
     read_values,
 )
 from sldvexp.io.uff.geometry import UniversalGeometry, read_geometry
-from sldvexp.io.uff.nodal import ANALYSIS, ShapeFunctions, read_nodal
+from sldvexp.io.uff.nodal import (
+    ANALYSIS,
+    Nodal,
+    ShapeFunctions,
+    read_nodal,
+    read_normal_mode,
+)
 from sldvexp.io.uff.seal import require_seal
 from sldvexp.io.uff.source import (
     ASCII_LINES,
@@ -328,6 +334,23 @@ class UniversalFile:
         sets = [n for e in entries if (n := read_nodal(self.source, e, containing)) is not None]
         self._shapes = ShapeFunctions(self.source, sets) if sets else None
         return self._shapes.functions if self._shapes else []
+
+    def normal_modes(self, containing: str = "") -> list[Nodal]:
+        """Read those data sets 55 and 2414 that are of normal modes, in the file's order.
+
+        Parameters
+        ----------
+        containing : str
+            Text that the data sets' identifying lines must have.
+
+        Raises
+        ------
+        UserError
+            See `sldvexp.io.uff.nodal.read_normal_mode`.
+        """
+        entries = [e for e in self.entries if e.kind in (NODAL, ANALYSIS)]
+        found = (read_normal_mode(self.source, e, containing) for e in entries)
+        return [mode for mode in found if mode is not None]
 
     @cached_property
     def geometry(self) -> UniversalGeometry | None:

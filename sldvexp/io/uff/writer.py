@@ -10,15 +10,15 @@ from numpy.typing import NDArray
 from sldvexp.typing import Array, IntArray
 
 DELIMITER = "    -1"
-#: Descriptors of finite elements: thin shell linear triangle, solid linear wedge.
-TRIANGLE, WEDGE = 91, 112
-#: Kinds of data: strain, velocity, frequency.
-STRAIN, VELOCITY, FREQUENCY = 3, 11, 18
+#: Descriptors of finite elements: thin shell linear triangle and quadrilateral, solid linear wedge.
+TRIANGLE, QUADRILATERAL, WEDGE = 91, 94, 112
+#: Kinds of data: strain, displacement, velocity, frequency.
+STRAIN, DISPLACEMENT, VELOCITY, FREQUENCY = 3, 8, 11, 18
 #: Characteristics of values at nodes by how many there are: a vector in space; a symmetric tensor
 #: as xx, xy, yy, xz, yz, zz.
 CHARACTERISTICS = {3: 2, 6: 4}
-#: Kinds of shapes: of a complex mode, of a frequency response.
-COMPLEX_MODE, RESPONSE = 3, 5
+#: Kinds of shapes: of a normal mode, of a complex one, of a frequency response.
+NORMAL_MODE, COMPLEX_MODE, RESPONSE = 2, 3, 5
 #: Kinds of function: spectrum.
 SPECTRUM = 12
 REAL, COMPLEX, DOUBLE_COMPLEX = 2, 5, 6
@@ -121,6 +121,40 @@ def elements(prisms: IntArray, triangles: IntArray) -> str:
                 + "".join(f"{node:10d}" for node in element)
             )
     return dataset(2412, lines)
+
+
+def quadrilaterals(corners: IntArray) -> str:
+    """Write data set 2412: thin shell quadrilaterals of nodes from 0, which are written from 1."""
+    lines = [
+        f"{label:10d}{QUADRILATERAL:10d}{1:10d}{1:10d}{COLOUR:10d}{4:10d}\n"
+        + "".join(f"{node:10d}" for node in element)
+        for label, element in enumerate(corners + 1, start=1)
+    ]
+    return dataset(2412, lines)
+
+
+def normal_mode(about: Sequence[str], values: Array, frequency: float, number: int) -> str:
+    """Write data set 55: a real mode shape at nodes from 1, displacements and rotations or not.
+
+    Parameters
+    ----------
+    about : sequence of str
+        Five lines.
+    values : ndarray, shape (node, 3) or (node, 6)
+    frequency : float, Hz
+    number : int
+        Of the mode, from 1.
+    """
+    count = values.shape[1]
+    kinds = (1, NORMAL_MODE, 2 if count == 3 else 3, DISPLACEMENT, REAL, count)
+    lines = [
+        "".join(f"{n:10d}" for n in kinds),
+        f"{2:10d}{4:10d}{1:10d}{number:10d}",
+        single([frequency, 0.0, 0.0, 0.0]),
+    ]
+    for label, row in enumerate(values, start=1):
+        lines += [f"{label:10d}", single(row)]
+    return dataset(55, [*identification(about), *lines])
 
 
 def trace_lines(triangles: IntArray, name: str) -> str:

@@ -8,13 +8,12 @@ import io
 from collections.abc import Callable, Iterator
 from typing import Any
 
-import matplotlib
 from matplotlib.figure import Figure as Drawn
 from matplotlib.ticker import AutoLocator
 
 from sldvexp.dataset import RunData
 from sldvexp.plot import figures_of
-from sldvexp.plot.paper import SETTINGS
+from sldvexp.plot.paper import SETTINGS, settings_kept
 from sldvexp.report.html.blocks import Figure, Text
 from sldvexp.report.html.slim import slim
 
@@ -36,6 +35,10 @@ PARTS: dict[str, dict[str, str]] = {
         "repeatability": "Image points of repeated scans.",
     },
     "image": {"images": "Velocity along the line of sight, view by view."},
+    "modes": {
+        "stabilisation": "Poles of all orders and the modes that they made; below, the root mean "
+        "square over all pixels of what was measured, what the modes make of it and what is left.",
+    },
     "shape": {"surface": "The velocity drawn as a deflection, at the moment of its largest value."},
     "field": {
         "field": "The field with its bounds on the layer next to the given surface; components "
@@ -43,6 +46,10 @@ PARTS: dict[str, dict[str, str]] = {
         "spectrum": "Velocity at the node of the largest motion, by frequency, with bounds.",
         "nodal": "Velocity with bounds along the line of nodes through its largest value.",
         "residuals": "Residuals by view.",
+    },
+    "model": {
+        "model_shapes": "Lines of equal motion of the model with the measured pixels of all views "
+        "over them, mode by mode; below, what the model leaves of these.",
     },
     "strain": {
         "hot_spots": "The largest extension of a cycle with its direction where it is known, von "
@@ -102,7 +109,7 @@ def _address(drawn: Drawn) -> str:
     """Write a picture as a ``data:`` address, the same from the same data."""
     _with_few_ticks(drawn)
     settings: dict[Any, Any] = {name: SETTINGS[name] for name in OF_FILES}
-    with matplotlib.rc_context(settings):
+    with settings_kept(settings):
         svg = slim(drawn)
         if len(svg) <= MOST_BYTES:
             return f"data:image/svg+xml,{_as_address(svg)}"

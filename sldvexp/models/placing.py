@@ -1,0 +1,92 @@
+"""Is the model where the structure is: its units and axes, before anything is compared.
+
+Shapes of a model in other units or axes would be compared with pixels beside them. The model's
+nodes must lie at the surface of the volume, if there is one, and most pixels must see the model.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from sldvexp.errors import UserError
+from sldvexp.lazy import scipy
+from sldvexp.lazy import xarray as xr
+from sldvexp.models.finite_elements import FiniteElementModel
+from sldvexp.models.mapping import PredictedPixels
+from sldvexp.typing import Array
+from sldvexp.units import LengthUnit
+
+#: Part of the surface's extent that its nodes may lie beside the model.
+BESIDE = 0.1
+#: Part of a view's usable pixels that must see the model.
+SEEN = 0.5
+#: How near the ratio of extents must be to that of two units to name them.
+ALIKE = 0.3
+
+
+def check_place(model: FiniteElementModel, tree: Mapping[str, xr.Dataset]) -> None:
+    """Complain about a model that lies elsewhere than the surface of the volume.
+
+    Raises
+    ------
+    UserError
+        It names the boxes of both, and the unit that would explain it.
+    """
+    if "volume" not in tree:
+        return
+    volume = tree["volume"]
+    layer = int(np.argmin(np.abs(volume["depth"].values)))
+    surface = volume["position"].values[volume["node_layer"].values == layer]
+    extent = float(np.linalg.norm(np.ptp(surface, axis=0)))
+    # The model may go beyond the surface, but the surface lies on the model.
+    near, _ = scipy.spatial.KDTree(_filled(model)).query(surface)
+    if np.median(near) <= BESIDE * extent:
+        return
+    raise UserError(
+        f"{model.source}: lies beside the surface that is seen, most of it by more than "
+        f"{1e3 * np.median(near):.3g} mm: the model spans {_box(model.position)}, the surface of "
+        f"the volume {_box(surface)}; {_remedy(model.position, surface)}"
+    )
+
+
+def check_seen(views: Sequence[PredictedPixels], source: str) -> None:
+    """Complain if most pixels of a view look past the model.
+
+    Raises
+    ------
+    UserError
+    """
+    for view in views:
+        seen = len(view.pixels.pixel)
+        whole = seen + view.missed
+        if seen < SEEN * whole:
+            raise UserError(
+                f"{source}: only {seen} of {whole} pixels of view {view.pixels.name} look at the "
+                "model; are its unit and axes right (model.unit, model.frame), and is it the part "
+                "that was scanned?"
+            )
+
+
+def _filled(model: FiniteElementModel) -> Array:
+    """List nodes and the middles of the elements."""
+    return np.concatenate([model.position, model.position[model.halves].mean(axis=1)])
+
+
+def _box(position: Array) -> str:
+    """Describe where nodes lie, in m."""
+    ends = zip("xyz", position.min(axis=0), position.max(axis=0), strict=True)
+    return ", ".join(f"{axis} from {low:.4g} to {high:.4g} m" for axis, low, high in ends)
+
+
+def _remedy(model: Array, surface: Array) -> str:
+    """Guess the setting that is wrong."""
+    size, wanted = (np.sort(np.ptp(one, axis=0))[::-1] for one in (model, surface))
+    ratio = float(np.linalg.norm(size) / np.linalg.norm(wanted))
+    for unit in LengthUnit:
+        if unit is not LengthUnit.m and abs(np.log(ratio * unit.value)) < ALIKE:
+            return f"{1 / unit.value:.4g} times as large, as if it were in {unit.name}: model.unit"
+    if abs(np.log(ratio)) < ALIKE:
+        return "of like size, but elsewhere or turned: say where its axes stand with model.frame"
+    return "say its unit with model.unit, and where its axes stand with model.frame"

@@ -1,0 +1,164 @@
+"""Sums over records of which response functions are made, a line and a pixel at a time.
+
+With the phasors X of the reference and Y of the response of one record,
+``Sxx = sum |X|^2``, ``Syy = sum |Y|^2`` and ``Sxy = sum conj(X) Y`` over the records that are good:
+32 bytes a pixel and line, however many records there are. Records may come in any pieces, pixel by
+pixel or record by record, and also after a session was cut off. Beside them stands per pixel how
+many records were left out for which fault, and the noise beyond the band.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from sldvexp.errors import UserError
+from sldvexp.signal.record_faults import RecordFault
+from sldvexp.typing import Array, BoolArray, ComplexArray, IntArray
+
+#: Sums over records, of each pixel.
+SUMS = ("sxx", "syy", "sxy", "count", "left_out", "noise")
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ResponseSums:
+    """Streamed sums of some pixels; `add` changes them in place.
+
+    Attributes
+    ----------
+    frequency : ndarray, shape (line,), Hz
+    sxx : ndarray, shape (pixel, line), V2
+        Of the reference's squared peak amplitudes.
+    syy : ndarray, shape (pixel, line), (m/s)2
+        Of the response's.
+    sxy : ndarray of complex, shape (pixel, line), V m/s
+        Of ``conj(X) Y``.
+    count : ndarray of int, shape (pixel,)
+        Good records.
+    left_out : ndarray of int, shape (pixel, fault)
+        Records with each `RecordFault`, by the first of those that a record has.
+    noise : ndarray, shape (pixel,), (m/s)2
+        Sum of the mean squares of the records' noise, as it is beyond the band.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sldvexp.signal import ResponseSums
+    >>> sums = ResponseSums.zeros(pixels=1, frequency=[50.0])
+    >>> sums.add(reference=[[[1.0], [2.0]]], response=[[[1j], [2j]]])
+    >>> sums.count.tolist(), (sums.sxy / sums.sxx).tolist()
+    ([2], [[1j]])
+    """
+
+    frequency: Array
+    sxx: Array
+    syy: Array
+    sxy: ComplexArray
+    count: IntArray
+    left_out: IntArray
+    noise: Array
+
+    def __repr__(self) -> str:
+        pixels, lines = self.sxx.shape
+        least, most = (self.count.min(), self.count.max()) if pixels else (0, 0)
+        return f"sums of {least} to {most} records: {pixels} pixels, {lines} lines"
+
+    @classmethod
+    def zeros(cls, pixels: int, frequency: ArrayLike) -> ResponseSums:
+        """Begin with no records of some pixels."""
+        hertz = np.atleast_1d(np.asarray(frequency, float))
+        shape = (pixels, len(hertz))
+        return cls(
+            hertz,
+            np.zeros(shape),
+            np.zeros(shape),
+            np.zeros(shape, complex),
+            np.zeros(pixels, np.int64),
+            np.zeros((pixels, len(RecordFault)), np.int64),
+            np.zeros(pixels),
+        )
+
+    def add(
+        self,
+        reference: ArrayLike,
+        response: ArrayLike,
+        faults: ArrayLike | None = None,
+        noise: ArrayLike | None = None,
+        pixels: slice | None = None,
+    ) -> None:
+        """Add records; those with a fault are only counted.
+
+        Parameters
+        ----------
+        reference, response : array_like of complex, shape (pixel, record, line)
+            Phasors X in V and Y in m/s, as `RecordDesign.spectra` gives them.
+        faults : array_like of int, shape (pixel, record), optional
+            Bits of `RecordFault`.
+        noise : array_like, shape (pixel, record), (m/s)2, optional
+            Mean squares of the records' noise.
+        pixels : slice, optional
+            Which pixels they are of; all without it.
+        """
+        x, y = np.asarray(reference, complex), np.asarray(response, complex)
+        where = pixels or slice(None)
+        found = np.zeros(x.shape[:2], int) if faults is None else np.asarray(faults)
+        if x.shape != y.shape or x.shape[::2] != self.sxx[where].shape:
+            raise UserError(
+                f"signal: records of the shapes {x.shape} and {y.shape} do not belong to "
+                f"{len(self.sxx[where])} pixels and {len(self.frequency)} lines"
+            )
+        good = found == 0
+        if not good.all():  # a spoilt record may be infinite, which times zero is not zero
+            x, y = (np.where(good[..., None], z, 0) for z in (x, y))
+        self.sxx[where] += (x.real**2 + x.imag**2).sum(axis=1)
+        self.syy[where] += (y.real**2 + y.imag**2).sum(axis=1)
+        self.sxy[where] += (np.conj(x) * y).sum(axis=1)
+        self.count[where] += good.sum(axis=1)
+        first = found & -found.astype(np.int64)  # the lowest bit
+        for k, fault in enumerate(RecordFault):
+            self.left_out[where, k] += (first == fault).sum(axis=1)
+        if noise is not None:
+            self.noise[where] += np.where(good, noise, 0).sum(axis=1)
+
+    def merged(self, other: ResponseSums) -> ResponseSums:
+        """Join further records of the same pixels."""
+        self._require_lines(other)
+        if len(self.count) != len(other.count):
+            raise UserError("signal: sums of different pixels cannot be added up")
+        both = {name: getattr(self, name) + getattr(other, name) for name in SUMS}
+        return ResponseSums(self.frequency, **both)
+
+    @staticmethod
+    def concatenated(parts: Sequence[ResponseSums]) -> ResponseSums:
+        """Join pixels, as those of a view's scan lines, in their order."""
+        for part in parts[1:]:
+            parts[0]._require_lines(part)
+        joined = {name: np.concatenate([getattr(p, name) for p in parts]) for name in SUMS}
+        return ResponseSums(parts[0].frequency, **joined)
+
+    def at(self, lines: BoolArray) -> ResponseSums:
+        """Keep some lines only; `lines` is True where one stays."""
+        if lines.all():
+            return self
+        kept = {name: getattr(self, name)[:, lines] for name in ("sxx", "syy", "sxy")}
+        return replace(self, frequency=self.frequency[lines], **kept)
+
+    def of_pixels(self, pixels: BoolArray | slice) -> ResponseSums:
+        """Keep some pixels only; `pixels` is True where one stays."""
+        return replace(self, **{name: getattr(self, name)[pixels] for name in SUMS})
+
+    def to_arrays(self) -> dict[str, NDArray]:
+        """Give the arrays that a journal keeps; `from_arrays` makes the same sums of them."""
+        return {name: getattr(self, name) for name in ("frequency", *SUMS)}
+
+    @classmethod
+    def from_arrays(cls, arrays: Mapping[str, NDArray]) -> ResponseSums:
+        """Make sums of what `to_arrays` gave; further arrays are not looked at."""
+        return cls(**{name: np.array(arrays[name]) for name in ("frequency", *SUMS)})
+
+    def _require_lines(self, other: ResponseSums) -> None:
+        if not np.array_equal(self.frequency, other.frequency):
+            raise UserError("signal: sums of different lines cannot be joined")

@@ -1,0 +1,115 @@
+"""Shadows of a calibration object's own circles: what stands at one depth hides what is behind.
+
+A circle is a disc of its hole and of what rests around it. The beam from O to P meets the plane of
+a disc around C with normal n at
+
+    S = O + t (P - O),   t = n . (C - O) / n . (P - O),
+
+and is stopped before it reaches P if 0 < t < 1 and S is within the disc. Lines that are scanned
+across a circle go on beyond its edge; the hole of a circle at another depth that looks so near is
+taken for it. The offset of the mirrors moves O by a few millimetres and is neglected.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from sldvexp.targets.circles import Circles
+from sldvexp.typing import Array, BoolArray
+
+#: Width of what rests around each circle, m; blocks and boards are as wide at least.
+REST = 0.01
+#: Half of a line that is scanned across a circle, over the circle's half width.
+SPAN = 1.5
+#: Distance of t from 1 from which a plane is another one than the point's own.
+APART = 1e-6
+
+
+def hidden_behind_circles(origins: Array, points: Array, target: Circles) -> BoolArray:
+    """Tell which circles stand in the way from places of the instrument to points.
+
+    Parameters
+    ----------
+    origins : ndarray, shape (stand, 3), m
+    points : ndarray, shape (point, 3), m
+
+    Returns
+    -------
+    ndarray of bool, shape (stand, point, circle)
+        In the order of the target's circles.
+    """
+    t, beside, radius = _met(origins, points, target)
+    return np.asarray((beside <= radius + REST) & (t > 0) & (t < 1 - APART))
+
+
+def shaded(origins: Array, target: Circles) -> BoolArray:
+    """Tell which circles cannot be scanned from places, because of which others.
+
+    Returns
+    -------
+    ndarray of bool, shape (stand, circle, other circle)
+        In the order of the target's circles: the other hides a part of the circle, or looks as near
+        to it as lines across it reach.
+    """
+    edges = target.outlines()
+    count, corners, _ = edges.shape
+    middle = edges.mean(axis=1, keepdims=True)
+    ends = middle + SPAN * (edges - middle)
+    shape = (len(origins), count, corners, count)
+    hidden = hidden_behind_circles(origins, edges.reshape(-1, 3), target).reshape(shape)
+    t, beside, radius = _met(origins, ends.reshape(-1, 3), target)
+    own_rest = (SPAN - 1) * radius <= REST  # a line that ends on it sees nothing behind
+    seen = (t > 0) & (t < 1 - APART) | (t > 1 + APART) & ~np.repeat(own_rest, corners)[:, None]
+    near = ((beside <= radius) & seen).reshape(shape)
+    return np.asarray((hidden | near).any(axis=2))
+
+
+def shaded_circles(origin: Array, target: Circles) -> dict[int, list[int]]:
+    """Find the circles that cannot be scanned from a place, because of which others.
+
+    Returns
+    -------
+    dict of int to list of int
+        Numbers of the circles in the way, by the number of the circle.
+
+    Examples
+    --------
+    >>> from sldvexp.targets import Circle, Plane
+    >>> planes = {"front": Plane(), "raised": Plane(origin=[0, 0, 0.1])}
+    >>> circles = {n: Circle(x, 0, 0.04) for n, x in ((1, 0.0), (2, 0.3))}
+    >>> step = Circles(circles=circles | {3: Circle(0.1, 0, 0.04, "raised")}, planes=planes)
+    >>> shaded_circles(np.array([1.0, 0, 1.0]), step), shaded_circles(np.array([0.0, 0, 2]), step)
+    ({1: [3]}, {})
+    """
+    numbers = np.array(list(target.circles))
+    found = zip(numbers.tolist(), shaded(origin[None], target)[0], strict=True)
+    return {number: numbers[row].tolist() for number, row in found if row.any()}
+
+
+def shade_told(number: int, others: list[int]) -> str:
+    """Say that others are in the way of a circle."""
+    names = [f"circle {other}" for other in others]
+    return (
+        f"circle {number} is hidden in part by {' and '.join(names)}, or looks too near to it, at "
+        "another depth"
+    )
+
+
+def _met(origins: Array, points: Array, target: Circles) -> tuple[Array, Array, Array]:
+    """Find where beams to points meet the planes of circles.
+
+    Returns
+    -------
+    t, beside : ndarray, shape (stand, point, circle)
+        Part of the way, and distance from the circle's middle, m.
+    radius : ndarray, shape (circle,), m
+    """
+    centre = target.outlines().mean(axis=1)
+    radius = np.array([c.diameter / 2 for c in target.circles.values()]) * target.unit.value
+    normal = np.array([target.planes[c.plane].axes()[2] for c in target.circles.values()])
+    way = points[None] - origins[:, None]
+    height = np.einsum("kj,skj->sk", normal, centre[None] - origins[:, None])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        t = height[:, None] / np.einsum("spj,kj->spk", way, normal)
+        off = (origins[:, None, None] - centre) + t[..., None] * way[:, :, None]
+    return t, np.linalg.norm(off, axis=-1), radius

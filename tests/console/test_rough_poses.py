@@ -1,0 +1,166 @@
+"""A scan that knows roughly where the instrument stands: predicted at once, searched, painted."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sldvexp.console.bench import AimingBench
+from sldvexp.console.board import NoticeBoard
+from sldvexp.console.outlook import Outlook
+from sldvexp.console.scanning import Asked, Scanning
+from sldvexp.geometry import KnownPose
+from sldvexp.scan.session import Session
+from sldvexp.session.session import scan_views
+from sldvexp.virtual_lab.lab import VirtualLab
+from tests.console.test_bench import Seen
+
+CORNERS = [[0.34, -0.02, 0], [0.62, -0.02, 0], [0.62, 0.2, 0], [0.34, 0.2, 0]]
+
+
+class Noted(NoticeBoard):
+    """A board that remembers which pictures were begun, and all that was told of a scan."""
+
+    def __init__(self):
+        super().__init__()
+        self.begun, self.told = [], []
+
+    def begin(self, picture, arrays=(), **header):
+        self.begun += [header] if picture == "image" else []
+        super().begin(picture, arrays, **header)
+
+    def tell(self, topic, word):
+        self.told += [word] if topic == "scan" else []
+        super().tell(topic, word)
+
+
+def beside(pose, *, by):
+    """A pose as a person says it, who misses the place by some metres."""
+    return KnownPose(pose.euler, (pose.place + by).tolist())
+
+
+@pytest.fixture(scope="module")
+def rough(lab_experiment):
+    """A session of one view of the plate, of few pixels, from a rough pose."""
+    e = lab_experiment
+    calibration = replace(
+        e.scan.calibration, views={}, fine=replace(e.scan.calibration.fine, lines=6)
+    )
+    structure = replace(e.scan.structure, views={}, pixels=[6, 7], corners_at=CORNERS)
+    pose = beside(e.scene.views["1"], by=[0.015, -0.01, 0.01])
+    return replace(e, scan=Session(calibration, structure, poses={"1": pose}))
+
+
+@pytest.fixture
+def seen(board):
+    return Seen(board)
+
+
+@pytest.fixture
+def bench(rough, board, wishes):
+    made = AimingBench(rough, board, wishes)
+    wishes.put({"do": "taken"})
+    made.turn()
+    yield made
+    made.leave()
+
+
+@pytest.fixture(scope="module")
+def circles(lab_experiment):
+    e = lab_experiment
+    lab = VirtualLab(e.scene, e.laser, e.target, e.seed)
+    lab.use_view("1")
+    return lab.true_dac(lab.calibration_object.center)
+
+
+def predicted(marks):
+    return {(p["kind"], p["number"]): np.array(p["dac"]) for p in marks["predicted"]}
+
+
+def test_all_is_predicted_and_drawn_before_anything_is_marked(bench, seen, circles):
+    marks = seen.look()["marks"]
+    found = predicted(marks)
+    assert sorted(found) == [(k, n) for k in ("circle", "corner") for n in (1, 2, 3, 4)]
+    for number, true in enumerate(circles, 1):
+        assert 1 < np.hypot(*(found["circle", number] - true)) < 150
+    assert len(marks["outlines"]) == 5
+    assert marks["pose"].startswith("By the scan's rough pose the instrument stands at about (")
+    assert "scan at once" in marks["pose"]
+
+
+def test_every_mark_corrects_the_others(bench, wishes, seen, circles):
+    before = predicted(seen.look()["marks"])["circle", 4]
+    for number, true in enumerate(np.rint(circles[:2]).astype(int).tolist(), 1):
+        for wish in (
+            {"do": "move", "to": true},
+            {"do": "mark", "kind": "circle", "number": number},
+        ):
+            wishes.put(wish)
+            bench.turn()
+    marks = seen.look()["marks"]
+    after = predicted(marks)["circle", 4]
+    assert np.hypot(*(after - circles[3])) < 0.5 * np.hypot(*(before - circles[3]))
+    assert "corrected by 2 marks" in marks["pose"]
+
+
+def test_rough_pose_that_is_none_gives_way_to_three_marks(rough, circles):
+    wrong = beside(rough.scan.poses["1"], by=[0.6, 0.3, 0.2])
+    outlook = Outlook(
+        replace(rough, scan=replace(rough.scan, poses={"1": wrong})),
+        {"circle": [1, 2, 3, 4], "corner": [1, 2, 3, 4]},
+    )
+    marks = {("circle", n): tuple(np.rint(c).astype(int)) for n, c in enumerate(circles[:3], 1)}
+    found = outlook.of(marks, "1")
+    assert "rough" not in found.told
+    np.testing.assert_allclose(found.predicted["circle", 4], circles[3], atol=15)
+
+
+def test_what_is_not_marked_of_a_view_is_taken_as_predicted(bench, wishes, seen, circles):
+    assert bench.settings() == {}  # nothing is marked: the scan's own poses serve
+    place = np.rint(circles[0]).astype(int).tolist()
+    for wish in ({"do": "move", "to": place}, {"do": "mark", "kind": "circle", "number": 1}):
+        wishes.put(wish)
+        bench.turn()
+    views = {key: part["views"]["1"] for key, part in bench.settings().items()}
+    assert views["calibration"]["dac"][0] == place
+    np.testing.assert_allclose(views["calibration"]["dac"], circles, atol=100)
+    found = predicted(seen.look()["marks"])
+    assert views["structure"]["corners"] == [found["corner", k].tolist() for k in (1, 2, 3, 4)]
+
+
+def test_region_is_that_which_the_scan_has_of_its_own(bench, rough, seen):
+    found = predicted(seen.look()["marks"])
+    aimed = rough.scan.aimed(rough.laser, rough.target)
+    wanted = np.array(aimed.parts("1")[1].views["1"].corners)
+    np.testing.assert_allclose([found["corner", k] for k in (1, 2, 3, 4)], wanted, atol=1)
+
+
+def test_search_each_circle_and_the_image_are_pictures_that_hold_all_their_lines(
+    rough, wishes, tmp_path
+):
+    board = Noted()
+    seen, watcher = Seen(board), Scanning(rough, board, wishes)
+    try:
+        scan_views(rough, tmp_path / "journal", Asked(watcher), watcher=watcher)
+    finally:
+        watcher.end()
+    begun, told = board.begun, board.told
+    names = [header["name"] for header in begun if "name" in header]
+    assert names[0] == "1 search"
+    searches = names.count("1 search")
+    assert names[searches:] == ["1 1", "1 2", "1 3", "1 4"] * 2 + ["1 image"]
+    assert searches < 12  # of some hundred rings: it is not begun anew for each
+    seen.look()
+    parts = [(h, body) for h, body in seen.parts if h["picture"] == "image" and "tall" in h]
+    assert len(parts) == 6
+    header = begun[-1]
+    for part, body in parts:
+        dac = np.frombuffer(body, "<i4", part["arrays"][0][1]).reshape(-1, 2)
+        assert ((dac >= header["low"]) & (dac <= header["high"])).all()
+    last = told[-1]["facts"]
+    assert last["pixels"] == "{0} of {0}".format(last["pixels"].split(" of ")[0])
+    assert any("searching circles, ring" in word["facts"].get("line", "") for word in told)
+    shares = [word["part"] for word in told]
+    assert shares == sorted(shares)

@@ -1,0 +1,211 @@
+"""Models come from files of other programs, and what is wrong with them is said in a sentence."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import meshio
+import numpy as np
+import pytest
+
+from sldvexp.errors import ConfigError, UserError
+from sldvexp.io.uff import writer
+from sldvexp.models import MatchedPoint, ModelFile, ModelFrame, universal_text
+from sldvexp.models.estimate import examine_model
+from sldvexp.units import LengthUnit
+from sldvexp.volume import Grid
+from tests.models.made_models import CENTER, LASER, THICKNESS, Measured, closed_form, true_plate
+
+
+@pytest.fixture(scope="module")
+def tree():
+    return Measured(true_plate(), views=2).tree(0)
+
+
+def own_axes(**settings):
+    """The model with its axes at the plate's middle."""
+    model = closed_form((8, 6), **settings)
+    return replace(model, position=model.position - CENTER)
+
+
+def written(folder: Path, text: str, name="model.uff"):
+    path = folder / name
+    path.write_text(text)
+    return str(path)
+
+
+def source(path, **settings):
+    settings = {"frame": ModelFrame(origin=CENTER.tolist()), "thickness": THICKNESS} | settings
+    return ModelFile(path=path, **settings)
+
+
+@pytest.mark.parametrize("rotations", [True, False])
+@pytest.mark.parametrize("triangles", [True, False])
+def test_universal_file_is_read_as_it_was_written(tmp_path, rotations, triangles):
+    model = own_axes(rotations=rotations, triangles=triangles)
+    back = ModelFile(path=written(tmp_path, universal_text(model))).read()
+    np.testing.assert_allclose(back.position, model.position, atol=1e-12)
+    np.testing.assert_allclose(back.translation, model.translation, atol=1e-6)
+    np.testing.assert_allclose(back.frequency, model.frequency, rtol=1e-5)
+    assert (back.rotation is not None) == rotations
+    np.testing.assert_array_equal(back.halves, model.halves)
+
+
+def test_universal_file_in_mm_is_that_in_m(tmp_path, tree):
+    model = own_axes()
+    large = replace(model, position=1e3 * model.position, translation=1e3 * model.translation)
+    text = universal_text(large).split("    -1\n   164")[-1].split("    -1\n", 1)[1]
+    path = written(tmp_path, text)
+    in_mm = source(path, unit=LengthUnit.mm, thickness=1e3 * THICKNESS).model()
+    np.testing.assert_allclose(in_mm.position, model.position + CENTER, atol=1e-9)
+    np.testing.assert_allclose(in_mm.translation, model.translation, atol=1e-6)
+    np.testing.assert_allclose(in_mm.rotation, model.rotation, atol=1e-3)
+    assert in_mm.thickness == pytest.approx(THICKNESS)
+    stated = written(tmp_path, universal_text(model))
+    with pytest.raises(UserError, match=r"units of 1 m, the configuration model.unit in units of"):
+        source(stated, unit=LengthUnit.mm).model()
+
+
+def test_values_along_axes_of_the_nodes_are_turned(tmp_path):
+    """Nodes with displacement systems of their own, as of cylinders."""
+    model = own_axes()
+    turn = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    nodes = len(model.position)
+    text = writer.units() + writer.systems(np.broadcast_to(turn, (1, 3, 3)))
+    text += writer.nodes(model.position, np.full(nodes, 2))
+    text += writer.quadrilaterals(model.quadrilaterals)
+    for k, f in enumerate(model.frequency):
+        parts = [model.translation[..., k] @ turn.T, model.rotation[..., k] @ turn.T]
+        text += writer.normal_mode([""] * 5, np.hstack(parts), float(f), k + 1)
+    back = ModelFile(path=written(tmp_path, text)).read()
+    np.testing.assert_allclose(back.rotation, model.rotation, atol=2e-4)
+
+
+def bulk_data(model):
+    """The mesh as Nastran's bulk data."""
+    nodes = [f"GRID,{k},,{x:.6f},{y:.6f},{z:.6f}" for k, (x, y, z) in enumerate(model.position, 1)]
+    shells = [
+        f"CQUAD4,{k},1,{a},{b},{c},{d}"
+        for k, (a, b, c, d) in enumerate(model.quadrilaterals + 1, 1)
+    ]
+    return "\n".join(["BEGIN BULK", *nodes, *shells, "ENDDATA", ""])
+
+
+@pytest.mark.parametrize("suffix", [".vtu", ".bdf"])
+def test_meshes_of_other_programs_are_read_with_their_shapes(tmp_path, suffix):
+    model = own_axes(rotations=False)
+    path = tmp_path / f"model{suffix}"
+    if suffix == ".vtu":
+        arrays = {
+            f"mode {k + 1} ({f:.9g} Hz)": model.translation[..., k]
+            for k, f in enumerate(model.frequency)
+        }
+        meshio.Mesh(model.position, [("quad", model.quadrilaterals)], arrays).write(path)
+    else:
+        path.write_text(bulk_data(model))
+    shapes = None if suffix == ".vtu" else written(tmp_path, universal_text(model))
+    back = ModelFile(path=str(path), shapes=shapes).read()
+    np.testing.assert_allclose(back.position, model.position, atol=1e-6)
+    np.testing.assert_allclose(back.translation, model.translation, atol=1e-6)
+    np.testing.assert_allclose(back.frequency, model.frequency, rtol=1e-5)
+    if suffix == ".bdf":
+        with pytest.raises(UserError, match="no mode shapes; name the universal file"):
+            ModelFile(path=str(path)).read()
+
+
+def test_shapes_without_frequencies_are_refused_until_they_are_given(tmp_path):
+    model = own_axes(rotations=False)
+    arrays = {f"shape{k}": model.translation[..., k] for k in range(5)}
+    path = tmp_path / "model.vtu"
+    meshio.Mesh(model.position, [("quad", model.quadrilaterals)], arrays).write(path)
+    with pytest.raises(UserError, match=r"no frequencies; give them in Hz with model.frequencies"):
+        ModelFile(path=str(path)).read()
+    given = ModelFile(path=str(path), frequencies=model.frequency.tolist()).read()
+    np.testing.assert_array_equal(given.frequency, model.frequency)
+    with pytest.raises(UserError, match="has 5 shapes, not 2"):
+        ModelFile(path=str(path), frequencies=[100.0, 200.0]).read()
+
+
+def test_modes_given_twice_are_refused(tmp_path):
+    text = universal_text(own_axes())
+    first = text[text.index("    -1\n    55") :].split("    -1\n    55")[1]
+    path = written(tmp_path, text + "    -1\n    55" + first)
+    with pytest.raises(UserError, match=r"modes 1 and 2 have one frequency, 198.931 Hz"):
+        ModelFile(path=path).read()
+
+
+def test_files_without_a_surface_or_with_lost_values_are_refused(tmp_path):
+    model = own_axes()
+    nodes = writer.nodes(model.position, np.zeros(len(model.position), int))
+    with pytest.raises(UserError, match="but no surface; write shell elements"):
+        ModelFile(path=written(tmp_path, writer.units() + nodes)).read()
+    text = universal_text(model)
+    few = writer.normal_mode([""] * 5, model.translation[:-1, :, 0], 100.0, 1)
+    bare = text[: text.index("    -1\n    55")]
+    with pytest.raises(UserError, match="no value at the node 63"):
+        ModelFile(path=written(tmp_path, bare + few)).read()
+
+
+def with_volume(tree):
+    volume = Grid(center=CENTER.tolist(), size=[0.26, 0.21], shape=[7, 6], layers=3, thickness=0.01)
+    return tree | {"volume": volume.group()}
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        ({"unit": LengthUnit.inch}, "model.unit"),
+        ({"frame": ModelFrame()}, "say where its axes stand with model.frame"),
+        (
+            {"frame": ModelFrame(origin=CENTER.tolist(), euler=[0.0, 1.5708, 0.0])},
+            "look at the|elsewhere or turned",
+        ),
+    ],
+)
+def test_model_in_other_units_or_axes_is_refused(tmp_path, tree, wrong, said):
+    text = universal_text(own_axes()).split("    -1\n   164")[-1].split("    -1\n", 1)[1]
+    path = written(tmp_path, text)
+    assert examine_model(with_volume(tree), LASER, source(path)).shapes.dof > 0
+    with pytest.raises(UserError, match=said):
+        examine_model(with_volume(tree), LASER, source(path, **wrong))
+    with pytest.raises(UserError, match=r"pixels of view 1 look at the model|none of its"):
+        examine_model(tree, LASER, source(path, **wrong))
+
+
+def test_model_in_mm_that_is_read_as_m_is_named(tmp_path, tree):
+    model = own_axes()
+    large = replace(model, position=1e3 * model.position)
+    text = universal_text(large).split("    -1\n   164")[-1].split("    -1\n", 1)[1]
+    with pytest.raises(UserError, match=r"1000 times as large, as if it were in mm: model.unit"):
+        examine_model(with_volume(tree), LASER, source(written(tmp_path, text)))
+
+
+def test_axes_are_found_from_points_that_are_known_in_both(tmp_path, tree):
+    model = own_axes()
+    turn = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    turned = model.moved(turn, np.array([1.0, 2.0, 3.0]))
+    path = written(tmp_path, universal_text(turned))
+    corners = [0, 8, 60]
+    points = {
+        str(k): MatchedPoint(turned.position[k].tolist(), (model.position[k] + CENTER).tolist())
+        for k in corners
+    }
+    placed = source(path, frame=ModelFrame(points=points)).model()
+    np.testing.assert_allclose(placed.position, model.position + CENTER, atol=1e-9)
+    np.testing.assert_allclose(placed.translation, model.translation, atol=2e-6)
+    points["8"].world[0] += 0.05
+    with pytest.raises(UserError, match="mm apart from its place in the world"):
+        source(path, frame=ModelFrame(points=points)).model()
+    with pytest.raises(ConfigError, match="three points or more"):
+        source(path, frame=ModelFrame(points={"8": points["8"]}))
+
+
+def test_model_without_modes_or_poses_to_test_it_on_says_so(tmp_path, tree):
+    one = source(written(tmp_path, universal_text(own_axes())))
+    for lost, said in (("modes", "no modes to test it on"), ("pose", "have no poses")):
+        with pytest.raises(UserError, match=said):
+            examine_model({k: v for k, v in tree.items() if k != lost}, LASER, one)
+    bare = {k: v for k, v in tree.items() if not k.startswith("modes/image")}
+    with pytest.raises(UserError, match="choose modal=own"):
+        examine_model(bare, LASER, one)
