@@ -93,6 +93,9 @@ VARIABLES: dict[str, dict[str, Variable]] = {
         "scale_std": _V(
             "[frequency]", "1", "standard error of a factor that all pixels of a mode share"
         ),
+        "phase_std": _V(
+            "[frequency]", "rad", "standard error of a phase that all pixels of a mode share"
+        ),
     },
     "modes": {
         "natural_frequency": _V("mode", "Hz", "natural frequency: modulus of the pole over 2 pi"),
@@ -105,8 +108,11 @@ VARIABLES: dict[str, dict[str, Variable]] = {
             "covariance of ln natural frequency of all modes, then of ln damping ratio",
         ),
         "scale_std": _V("mode", "1", "standard error of a factor of the mode's whole shape"),
+        "phase_std": _V("mode", "rad", "standard error of the phase of the mode's whole shape"),
         "mixing_std": _V(
-            "mode mode2", "1", "standard error of the share of the second mode in the first's shape"
+            "part mode mode2",
+            "1",
+            "standard error of the share of the second mode in the first's shape",
         ),
         "complexity": _V("mode", "1", "1 - modal phase collinearity; 0 if all moves in phase"),
         "complexity_std": _V("mode", "1", "its standard error"),

@@ -19,6 +19,7 @@ from sldvexp.lazy import xarray as xr
 from sldvexp.limits import shown
 from sldvexp.report.base import REPORT_FILE, verdict_text
 from sldvexp.report.key_numbers import key_numbers
+from sldvexp.report.modal import modes_text
 from sldvexp.report.numbers import number, with_bound
 from sldvexp.report.terminal import COLOURS
 
@@ -79,13 +80,13 @@ def _found(run: RunData, findings: Sequence[Finding]) -> str:
     """Say what the run was made for, with bounds."""
     if stopped := next((f.text for f in findings if f.kind == STOPPED), ""):
         return stopped
-    told = [_poses(run)] if set(run.groups).isdisjoint(("field", "point")) else []
+    told = [_poses(run)] if set(run.groups).isdisjoint(("field", "point", "modes")) else []
     key = key_numbers(run)
     if key is not None and not any(told):
         values = ", ".join(f"{row[0]} {row[1]}" for row in key.rows)
         title = f"{key.title[:1].lower()}{key.title[1:]}"
         told.append(f"{title}: {values} {key.columns[1].rpartition(', ')[2]}")
-    told.append(_strain(run))
+    told += [_strain(run), modes_text(run)]
     if not any(told):
         images = len(run.below("image"))
         told.append(f"images of {images} view{'s' * (images != 1)}" if images else "")

@@ -22,6 +22,7 @@ from sldvexp.dataset import FREQUENCY, RunData, Source, is_void
 from sldvexp.lazy import xarray as xr
 from sldvexp.limits import shown
 from sldvexp.report.base import notes, verdict_text
+from sldvexp.report.modal import modes_table
 from sldvexp.report.numbers import number, with_bound
 from sldvexp.report.tables import POSE, VELOCITY, field_tables, image_text, pose_methods
 
@@ -64,6 +65,8 @@ def closing_table(source: Source | RunData, files: Sequence[Path]) -> None:
     for group in run.groups.values():
         if "s_mean" in group:
             console.print(fitted(pose_methods(group), width, (), RUN))
+    if run.has("modes", "natural_frequency"):
+        console.print(fitted(modes_table(run.groups["modes"]), width, ("mode",), RUN))
     for fields in field_tables(run):
         console.print(fitted(fields, width, (), RUN))
     if "check" in run.groups:
