@@ -16,6 +16,7 @@ from .nodal_values import nodal as nodal
 from .point_spectra import point as point
 from .point_spectra import spectrum as spectrum
 from .shape import surface as surface
+from .stabilisation_diagram import stabilisation as stabilisation
 from .strain_maps import hot_spots as hot_spots
 from .strain_maps import strain as strain
 from .strains import hottest_places as hottest_places

@@ -25,6 +25,7 @@ from sldvexp.plot import (
     nodal_values,
     point_spectra,
     shape,
+    stabilisation_diagram,
     strain_maps,
     sweep_comparison,
     velocity_images,
@@ -62,6 +63,9 @@ FIGURES: dict[str, FigureEntry] = {
     ),
     "images": FigureEntry(velocity_images.images, velocity_images.unavailable_because),
     "point": FigureEntry(point_spectra.point, point_spectra.unavailable_because),
+    "stabilisation": FigureEntry(
+        stabilisation_diagram.stabilisation, stabilisation_diagram.unavailable_because
+    ),
     "volume": FigureEntry(volume_views.volume, volume_views.unavailable_because),
     "stands": FigureEntry(volume_views.stands, volume_views.stands_unavailable_because),
     "field": FigureEntry(field_maps.field, field_unavailable_because),

@@ -5,8 +5,6 @@ from .base import attempt as attempt
 from .base import notes as notes
 from .closing import closing_lines as closing_lines
 from .closing import print_closing as print_closing
-from .modal import modes_table as modes_table
-from .modal import modes_text as modes_text
 from .numbers import LARGEST as LARGEST
 from .numbers import first as first
 from .numbers import number as number

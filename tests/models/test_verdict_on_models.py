@@ -23,7 +23,7 @@ from sldvexp.models.responses import respond
 from sldvexp.models.result import model_to_datasets
 from sldvexp.models.wording import findings_about
 from sldvexp.plot import model_shapes
-from sldvexp.report.html.models import model_section
+from sldvexp.report.html.modal import model_section
 from tests.models.made_models import (
     LASER,
     POSE_STD,
@@ -207,7 +207,7 @@ def test_model_that_lacks_a_measured_mode_says_so_and_is_kept_in_a_file(measured
     run = RunData.from_source(tmp_path / "run.nc")
     assert run.groups["model/image/1"]["paired_mode"].values.tolist() == [1, 2, 4, 5]
     assert np.isnan(run.groups["model"]["chi2"].values).tolist() == [0, 0, 1, 0, 0]
-    assert model_section(run).title == "Finite element model"
+    assert model_section(run).title == "Model"
     assert len(model_shapes(run).axes) >= 8
 
 

@@ -35,6 +35,10 @@ PARTS: dict[str, dict[str, str]] = {
         "repeatability": "Image points of repeated scans.",
     },
     "image": {"images": "Velocity along the line of sight, view by view."},
+    "modes": {
+        "stabilisation": "Poles of all orders and the modes that they made; below, the root mean "
+        "square over all pixels of what was measured, what the modes make of it and what is left.",
+    },
     "shape": {"surface": "The velocity drawn as a deflection, at the moment of its largest value."},
     "field": {
         "field": "The field with its bounds on the layer next to the given surface; components "
