@@ -418,7 +418,8 @@ const showShape = async (root) => {
   const many = components > 1 ? [[-1, "all, as it moves"]] : [];
   options(control("component"), [...many, ...data.components.map((c, k) => [k, "V_" + c])]);
   if (!many.length) state.component = 0;
-  options(control("frequency"), hertz.map((f, k) => [k, f === null ? "" : of_hertz(f)]));
+  options(control("frequency"), hertz.map((f, k) =>
+    [k, f === null ? "" : (data.numbers ? "mode " + data.numbers[k] + ": " : "") + of_hertz(f)]));
   control("frequency").value = state.frequency;
   const depths = (data.layers || []).map(({ text }, k) => [k + 1, text]);
   options(control("layer"), [[0, "given surface"], ...depths]);
