@@ -76,3 +76,26 @@ def told_of_model() -> xr.Dataset:
         Finding("model_shapes", "model", "model: the shapes are those measured", Severity.note),
     )
     return findings_to_dataset(made)
+
+
+def pixels() -> dict[str, xr.Dataset]:
+    """Images of a model of two paired modes, at some of the pixels of two views."""
+    rng = np.random.default_rng(4)
+    found = {}
+    for view, count in (("left", 6), ("right", 9)):
+        shape = (12, 3)
+        found[f"modes/image/{view}"] = dataset.group(
+            "image",
+            {"pixel": np.arange(12), "frequency": HERTZ},
+            velocity=rng.normal(size=shape) + 1j * rng.normal(size=shape),
+            velocity_std=rng.uniform(1e-3, 2e-3, shape),
+        )
+        x, y = np.divmod(np.arange(count), 3)
+        found[f"model/image/{view}"] = dataset.group(
+            "model/image",
+            {"pixel": np.arange(count) + 2},
+            velocity=rng.normal(size=(count, 2)) + 0j,
+            residual=1e-3 * rng.normal(size=(count, 2)) + 0j,
+            position=0.1 * np.stack([x, y, 0 * x], axis=1),
+        )
+    return found

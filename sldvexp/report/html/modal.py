@@ -73,22 +73,22 @@ def _shapes_beside(run: RunData) -> list[Beside | Text]:
     if not known:
         return []
     view = max(known, key=lambda name: known[name].sizes["pixel"])
-    of, modes = known[view], run.groups["modes"]
-    measured = of["velocity"] + of["residual"]
-    std = run.groups[f"modes/image/{view}"]["velocity_std"].transpose("pixel", "frequency").values
-    own = np.searchsorted(modes["mode"].values, of["mode"].values)
-    bound = level_factor(modes) * std[of["pixel"].values][:, own]
+    of, modes, model = known[view], run.groups["modes"], run.groups["model"]
+    number = model["mode"].values[model["pair"].values > 0]
+    own = np.searchsorted(modes["mode"].values, number)
     hertz = modes["natural_frequency"].values[own]
+    computed, left = (of[name].transpose("pixel", ...).values for name in ("velocity", "residual"))
+    std = run.groups[f"modes/image/{view}"]["velocity_std"].transpose("pixel", "frequency").values
+    bound = level_factor(modes) * std[of["pixel"].values][:, own]
     columns = []
     for name, velocity, width in (
-        ("modes-measured", measured, bound),
-        ("modes-computed", of["velocity"], np.full(bound.shape, np.nan)),
+        ("modes-measured", computed + left, bound),
+        ("modes-computed", computed, np.full(bound.shape, np.nan)),
     ):
-        data = _shape_at_pixels(of, velocity.transpose("pixel", "mode").values, width, hertz)
-        if data is None or not hertz.size:
+        data = _shape_at_pixels(of, velocity, width, hertz) if hertz.size else None
+        if data is None:
             return []
-        data["numbers"] = of["mode"].values.tolist()
-        data["partners"] = list(range(len(hertz)))
+        data |= {"numbers": number.tolist(), "partners": list(range(len(hertz))), "dots": False}
         columns.append([Shape(data, name)])
     told = (
         f"Pixels of the view {view} that see the model, {of.sizes['pixel']} of them; velocities "
