@@ -9,12 +9,14 @@ from .image_points import bitangents as bitangents
 from .image_points import pose_residuals as pose_residuals
 from .image_points import repeatability as repeatability
 from .line_scans import scan_lines as scan_lines
+from .model_pixels import model_shapes as model_shapes
 from .moving_shape import MovingShape as MovingShape
 from .moving_shape import size_colours as size_colours
 from .nodal_values import nodal as nodal
 from .point_spectra import point as point
 from .point_spectra import spectrum as spectrum
 from .shape import surface as surface
+from .stabilisation_diagram import stabilisation as stabilisation
 from .strain_maps import hot_spots as hot_spots
 from .strain_maps import strain as strain
 from .strains import hottest_places as hottest_places

@@ -19,6 +19,7 @@ from sldvexp.lazy import xarray as xr
 from sldvexp.limits import shown
 from sldvexp.report.base import REPORT_FILE, verdict_text
 from sldvexp.report.key_numbers import key_numbers
+from sldvexp.report.modal_tables import level_of, model_told, modes_told
 from sldvexp.report.numbers import number, with_bound
 from sldvexp.report.terminal import COLOURS
 
@@ -79,8 +80,10 @@ def _found(run: RunData, findings: Sequence[Finding]) -> str:
     """Say what the run was made for, with bounds."""
     if stopped := next((f.text for f in findings if f.kind == STOPPED), ""):
         return stopped
-    told = [_poses(run)] if set(run.groups).isdisjoint(("field", "point")) else []
+    told = [modes_told(run), model_told(run)]
     key = key_numbers(run)
+    if not any(told) and set(run.groups).isdisjoint(("field", "point")):
+        told.append(_poses(run))
     if key is not None and not any(told):
         values = ", ".join(f"{row[0]} {row[1]}" for row in key.rows)
         title = f"{key.title[:1].lower()}{key.title[1:]}"
@@ -120,6 +123,8 @@ def _strain(run: RunData) -> str:
 
 def _bounds(run: RunData) -> str:
     """Say how large bounds are in general, and of which level."""
+    if modes_told(run):
+        return f"{100 * level_of(run.groups['modes']):g} %"
     group: xr.Dataset | None = next(iter(run.fields().values()), run.groups.get("point"))
     level = f"{float((group.attrs if group is not None else {}).get('confidence_level', 0.95)):.0%}"
     level = level.replace("%", " %")

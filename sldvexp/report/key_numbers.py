@@ -1,8 +1,9 @@
 """The few numbers that a run was made for, with their bounds: on the surface, not in the volume.
 
-Of a field or of points these are the largest amplitude of every component with the bound there, and
-root mean squares over the surface; of images the largest amplitude; of poses where the instrument
-stood. A component that is nowhere above its bound is said to be so.
+Of modes these are frequency and damping; of a field or of points the largest amplitude of every
+component with the bound there, and root mean squares over the surface; of images the largest
+amplitude; of poses where the instrument stood. A component that is nowhere above its bound is said
+to be so.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import numpy as np
 
 from sldvexp.dataset import FREQUENCY, VARIABLES, RunData
 from sldvexp.lazy import xarray as xr
+from sldvexp.report.modal_tables import POLES, level_of, poles
 from sldvexp.report.numbers import bound_text, number, with_bound
 from sldvexp.typing import Array
 
@@ -21,6 +23,8 @@ VELOCITY = VARIABLES["field"]["velocity"]
 POSE = VARIABLES["pose"]
 #: Beyond so many views a page has them only further down.
 MOST_VIEWS = 6
+#: Beyond so many modes as well.
+MOST_MODES = 12
 
 
 @dataclass(frozen=True)
@@ -61,6 +65,8 @@ def key_numbers(run: RunData) -> KeyNumbers | None:
     >>> key_numbers(RunData({"point": found})).rows[:2]
     [['x', '20.00 ± 0.10'], ['y', 'not above its bound, ± 0.20']]
     """
+    if run.has("modes", "natural_frequency", "damping_ratio"):
+        return _of_modes(run.groups["modes"])
     for field in run.fields().values():
         return _of_places(on_surface(run, field), "node", "Velocity on the surface")
     point = run.groups.get("point")
@@ -70,6 +76,14 @@ def key_numbers(run: RunData) -> KeyNumbers | None:
     if run.has("pose", "origin"):
         return _of_poses(run.groups["pose"])
     return None
+
+
+def _of_modes(modes: xr.Dataset) -> KeyNumbers:
+    """Show frequency and damping of the modes, with bounds."""
+    rows = [[str(n), *row] for n, row in zip(modes["mode"].values, poles(modes), strict=True)]
+    more = f"; {len(rows) - MOST_MODES} more below" if len(rows) > MOST_MODES else ""
+    title = f"Modes, with {100 * level_of(modes):g} % bounds{more}"
+    return KeyNumbers(title, ["mode", *POLES], rows[:MOST_MODES])
 
 
 def _of_places(group: xr.Dataset, place: str, title: str) -> KeyNumbers:

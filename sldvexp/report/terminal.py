@@ -22,6 +22,7 @@ from sldvexp.dataset import FREQUENCY, RunData, Source, is_void
 from sldvexp.lazy import xarray as xr
 from sldvexp.limits import shown
 from sldvexp.report.base import notes, verdict_text
+from sldvexp.report.modal_tables import modal_tables
 from sldvexp.report.numbers import number, with_bound
 from sldvexp.report.tables import POSE, VELOCITY, field_tables, image_text, pose_methods
 
@@ -50,6 +51,8 @@ def closing_table(source: Source | RunData, files: Sequence[Path]) -> None:
     if not console.is_terminal:
         console = Console(width=max(console.width, NARROWEST))
     _print_verdict(run, console)
+    for modal in modal_tables(run):
+        console.print(fitted(modal, console.width, ("mode", "pair"), RUN))
     table = Table("estimated", title="Estimates", title_justify="left")
     for column in ("value ± bound", "unit"):
         table.add_column(column, no_wrap=True)

@@ -18,8 +18,11 @@ from sldvexp.errors import UserError
 from sldvexp.plot import figures_of
 from sldvexp.plot.style import runs_of
 from tests.plot import groups_of_runs as groups
+from tests.report.made_modes import modes
 from tests.shell.made_strain import made_strain
 
+#: Modes, Hz, whose numbers would lie over one another.
+CLOSE = np.array([197.0, 201.0, 203.0, 439.0, 440.0, 545.0])
 COLUMN, PAGE = 0.085, 0.18
 SMALLEST = 6.5
 #: Every figure, and the run of the session or made groups that it is drawn of.
@@ -27,7 +30,10 @@ OF_SESSION = (
     *("edges", "conics", "conic_residuals", "bitangents", "pose_residuals", "phase_correction"),
     *("images", "volume", "field", "surface", "nodal", "residuals"),
 )
-OF_GROUPS = ("point", "spectrum", "few", "repeatability", "sweep", "strain", "hot_spots", "points")
+OF_GROUPS = (
+    *("point", "spectrum", "few", "repeatability", "sweep", "strain", "hot_spots", "points"),
+    *("stabilisation", "close_modes"),
+)
 
 
 def drawn_texts(figure):
@@ -92,6 +98,8 @@ def drawing_of(name, tree):
         "sweep": lambda: ("sweep", groups.sweep()),
         "strain": lambda: ("strain", {"strain": strain()}),
         "hot_spots": lambda: ("hot_spots", {"strain": strain()}),
+        "stabilisation": lambda: ("stabilisation", {"modes": modes()}),
+        "close_modes": lambda: ("stabilisation", {"modes": modes(CLOSE)}),
         "points": lambda: ("surface", {"point": groups.points(), "line_of_sight": groups.joined()}),
     }
     figure, of = made[name]()

@@ -35,6 +35,10 @@ PARTS: dict[str, dict[str, str]] = {
         "repeatability": "Image points of repeated scans.",
     },
     "image": {"images": "Velocity along the line of sight, view by view."},
+    "modes": {
+        "stabilisation": "Poles of all orders and the modes that they made; below, the root mean "
+        "square over all pixels of what was measured, what the modes make of it and what is left.",
+    },
     "shape": {"surface": "The velocity drawn as a deflection, at the moment of its largest value."},
     "field": {
         "field": "The field with its bounds on the layer next to the given surface; components "
@@ -42,6 +46,10 @@ PARTS: dict[str, dict[str, str]] = {
         "spectrum": "Velocity at the node of the largest motion, by frequency, with bounds.",
         "nodal": "Velocity with bounds along the line of nodes through its largest value.",
         "residuals": "Residuals by view.",
+    },
+    "model": {
+        "model_shapes": "Lines of equal motion of the model with the measured pixels of all views "
+        "over them, mode by mode; below, what the model leaves of these.",
     },
     "strain": {
         "hot_spots": "The largest extension of a cycle with its direction where it is known, von "

@@ -8,13 +8,15 @@ from dataclasses import replace
 from pathlib import Path
 
 from sldvexp.dataset import RunData, load
-from sldvexp.report.html import diagnostics, render, results, setup
+from sldvexp.report.html import diagnostics, modal, render, results, setup
 from sldvexp.report.html.blocks import Section
 
 #: Each makes a section of what a run has, or none; another part of the page is a line here. What
 #: was found comes first, then what it was found from.
 SECTIONS: tuple[Callable[[RunData], Section | None], ...] = (
     results.result_section,
+    modal.modes_section,
+    modal.model_section,
     diagnostics.findings_section,
     results.pose_section,
     results.images_section,
@@ -70,6 +72,10 @@ def _title(run: RunData) -> str:
     views = max((g.sizes.get("view", 0) for g in run.groups.values()), default=0)
     views = views or len(run.below("image"))
     seen = f" from {views} views" if views > 1 else " from one view" if views else ""
+    if run.has("modes", "natural_frequency"):
+        count = run.groups["modes"].sizes["mode"]
+        tested = " and a finite element model put to the test" if "model" in run.groups else ""
+        return f"{count or 'No'} mode{'s' * (count != 1)}{seen}{tested}"
     for field in run.fields().values():
         return f"Velocity field of {field.sizes['node']} nodes{seen}{_frequencies(field)}"
     point = run.groups.get("point")

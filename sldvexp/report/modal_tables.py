@@ -1,0 +1,215 @@
+"""Modes and a finite element model put to the test, as sentences and tables with bounds.
+
+Bounds are half-widths of intervals, Student's factor of the level times the standard error; those
+of poles rest on thousands of degrees of freedom, so that the factor is that of a normal
+distribution. A model is told by its verdict first: shapes and frequencies are judged apart, for
+shapes never know what the frequencies do, and the other way round.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from rich.markup import escape
+from rich.table import Table
+
+from sldvexp.dataset import VARIABLES, RunData, findings_of
+from sldvexp.lazy import xarray as xr
+from sldvexp.report.numbers import number, with_bound
+from sldvexp.statistics import student_factor
+
+NATURAL = VARIABLES["modes"]["natural_frequency"].shown_unit
+PERCENT, PER_MILLE = 100.0, 1000.0
+#: Columns of a mode's pole.
+POLES = (f"natural frequency, {NATURAL}", "damping, %")
+#: Modes that a line names at most.
+MOST_MODES = 5
+#: Standard errors of a share of another mode from which it is told.
+SURE = 4.0
+#: Verdicts on the two parts of a model as the line that closes a run says them.
+JUDGED = {"accepted": "accepted", "rejected": "rejected", "undecided": "undecidable"}
+
+
+def level_of(modes: xr.Dataset) -> float:
+    """Tell the level of the bounds."""
+    return float(modes.attrs.get("confidence_level", 0.95))
+
+
+def modes_told(run: RunData) -> str:
+    """Say how many modes there are, and frequency and damping of the first; empty without any.
+
+    Examples
+    --------
+    >>> from sldvexp.dataset import group
+    >>> modes = group("modes", {"mode": [1]}, natural_frequency=[197.0], damping_ratio=[0.01],
+    ...               natural_frequency_std=[1e-3], damping_ratio_std=[5e-6])
+    >>> modes_told(RunData({"modes": modes}))
+    '1 mode: 197.0000 ± 0.0020 Hz, damping 1.00000 ± 0.00098 %'
+    """
+    if not run.has("modes", "natural_frequency", "damping_ratio"):
+        return ""
+    rows = poles(run.groups["modes"])
+    told = [f"{hertz} {NATURAL}, damping {damping} %" for hertz, damping in rows[:MOST_MODES]]
+    more = f"; {len(rows) - MOST_MODES} more" if len(rows) > MOST_MODES else ""
+    count = f"{len(rows)} mode{'s' * (len(rows) != 1)}"
+    return f"{count}: {'; '.join(told)}{more}" if rows else "no modes"
+
+
+def poles(modes: xr.Dataset) -> list[tuple[str, str]]:
+    """Write natural frequency in Hz and damping in percent of every mode, with bounds."""
+    factor = float(student_factor(level_of(modes), np.inf))
+    hertz, damping = modes["natural_frequency"].values, modes["damping_ratio"].values
+    bounds = (
+        factor * modes[name].values if name in modes else np.full(len(hertz), np.nan)
+        for name in ("natural_frequency_std", "damping_ratio_std")
+    )
+    return [
+        (with_bound(f, f_bound), with_bound(PERCENT * zeta, PERCENT * zeta_bound))
+        for f, zeta, f_bound, zeta_bound in zip(hertz, damping, *bounds, strict=True)
+    ]
+
+
+def verdict_on_model(model: xr.Dataset) -> str:
+    """Say whether a model is accepted, rejected or undecidable, and by what.
+
+    Examples
+    --------
+    >>> from sldvexp.dataset import group
+    >>> model = group("model", {}).assign_attrs(shapes="accepted", frequencies="undecided")
+    >>> verdict_on_model(model)
+    'undecidable (shapes accepted, frequencies undecidable)'
+    """
+    parts = {name: str(model.attrs.get(name, "undecided")) for name in ("shapes", "frequencies")}
+    worst = next((v for v in ("rejected", "undecided") if v in parts.values()), "accepted")
+    told = ", ".join(f"{name} {JUDGED[value]}" for name, value in parts.items())
+    return f"{JUDGED[worst]} ({told})"
+
+
+def model_told(run: RunData) -> str:
+    """Say the verdict on the model; empty if there is none."""
+    if not run.has("model", "pair"):
+        return ""
+    return f"finite element model {verdict_on_model(run.groups['model'])}"
+
+
+def model_sentences(run: RunData) -> list[str]:
+    """List what was found about the model, in sentences; what cannot be told comes last."""
+    known = [f for f in findings_of(run.groups) if f.kind.startswith("model_")]
+    limits = [f for f in known if f.kind == "model_limits"]
+    said = [f for f in known if f.kind != "model_limits"] + limits
+    plain = (f.text.removeprefix("model: ") for f in said)
+    return [f"{text[:1].upper()}{text[1:]}." for text in plain]
+
+
+def modal_tables(run: RunData) -> Iterator[Table]:
+    """Make the table of the modes and that of the model, of those that there are.
+
+    Examples
+    --------
+    >>> list(modal_tables(RunData({})))
+    []
+    """
+    if run.has("modes", "natural_frequency", "damping_ratio"):
+        yield mode_table(run.groups["modes"])
+    if run.has("model", "pair"):
+        yield model_table(run.groups["model"])
+
+
+def mode_table(modes: xr.Dataset) -> Table:
+    """Show frequency, damping, complexity and phase of every mode, and the misfit of all.
+
+    Examples
+    --------
+    >>> from sldvexp.dataset import group
+    >>> modes = group("modes", {"mode": [1]}, natural_frequency=[197.0], damping_ratio=[0.01],
+    ...               natural_frequency_std=[1e-3], damping_ratio_std=[5e-6], misfit=1.02)
+    >>> [list(column.cells)[0] for column in mode_table(modes).columns]
+    ['1', '197.0000 ± 0.0020', '1.00000 ± 0.00098']
+    >>> mode_table(modes).title
+    'Modes, with 95 % bounds; misfit 1.02 times the noise'
+    """
+    level = f"{PERCENT * level_of(modes):g} %"
+    misfit = f"; misfit {number(float(modes['misfit']), 3)} times the noise"
+    title = f"Modes, with {level} bounds{misfit if 'misfit' in modes else ''}"
+    if "misfit_p_value" in modes:
+        title += f" (p = {number(float(modes['misfit_p_value']), 2)})"
+    columns = ["mode", *POLES]
+    known = poles(modes)
+    cells = [list(map(str, modes["mode"].values)), *([row[i] for row in known] for i in (0, 1))]
+    if "complexity" in modes:
+        columns.append("complexity, ‰")
+        cells.append(_bounded(modes, "complexity", PER_MILLE))
+    if "phase" in modes:
+        phase = VARIABLES["modes"]["phase"]
+        columns.append(phase.titled("phase"))
+        cells.append([number(phase.factor * x, 3) for x in modes["phase"].values])
+    if "scale_std" in modes:
+        columns.append("shape's scale, ± ‰")
+        factor = PER_MILLE * float(student_factor(level_of(modes), np.inf))
+        cells.append([number(factor * x, 2) for x in modes["scale_std"].values])
+    table = Table(*columns, title=title, title_justify="left")
+    for row in zip(*cells, strict=True):
+        table.add_row(*row)
+    return table
+
+
+def _bounded(modes: xr.Dataset, name: str, scale: float) -> list[str]:
+    """Write values with bounds, as parts of a whole that `scale` names."""
+    factor = scale * float(student_factor(level_of(modes), np.inf))
+    bounds = modes.get(f"{name}_std", xr.full_like(modes[name], np.nan)).values
+    values = zip(modes[name].values, bounds, strict=True)
+    return [with_bound(scale * value, factor * std) for value, std in values]
+
+
+def model_table(model: xr.Dataset) -> Table:
+    """Show every measured mode beside the model's: frequency, MAC with its expectation, tests.
+
+    Tests of shapes are of each mode; that of frequencies is of all of them, in the title.
+    """
+    title = f"Finite element model: {verdict_on_model(model)}"
+    if "frequencies_p_value" in model:
+        title += f"; frequencies together p = {number(float(model['frequencies_p_value']), 2)}"
+    names = ("mode", "pair", "measured, Hz", "model, Hz", "difference, ‰")
+    tests = ("MAC", "expected if right", "shape p", "directed p")
+    table = Table(*names, *tests, "mixed with", title=title, title_justify="left")
+    for mode in model["mode"].values:
+        one = model.sel(mode=mode)
+        cells = [str(mode), *_frequency_cells(model, one), *_shape_cells(one)]
+        table.add_row(*map(escape, cells), escape(mixed_modes(model, one)))
+    return table
+
+
+def _frequency_cells(model: xr.Dataset, one: xr.Dataset) -> list[str]:
+    """Write the pair of a mode, both frequencies and their difference."""
+    pair = int(one["pair"])
+    measured = number(float(one["measured_frequency"]), 7)
+    if not pair:
+        return ["none", measured, "", ""]
+    own = number(float(model["model_frequency"].sel(model_mode=pair)), 7)
+    return [str(pair), measured, own, f"{PER_MILLE * float(one['difference']):+.3g}"]
+
+
+def _shape_cells(one: xr.Dataset) -> list[str]:
+    """Write MAC and its expectation with three standard deviations, and the p of both tests."""
+    if not int(one["pair"]):
+        return ["", "", "", ""]
+    expected, std = float(one["mac_expected"]), float(one["mac_std"])
+    places = int(np.clip(1 - np.floor(np.log10(std)), 2, 9)) if std > 0 else 5
+    return [
+        f"{float(one['mac_of_pair']):.{places}f}",
+        f"{expected:.{places}f} ± {std:.{places}f}",
+        number(float(one["p_value"]), 2),
+        number(float(one["directed_p_value"]), 2),
+    ]
+
+
+def mixed_modes(model: xr.Dataset, one: xr.Dataset) -> str:
+    """Name the model's modes that are in a measured one beside its pair, surely."""
+    if "mixed" not in one or not int(one["pair"]):
+        return ""
+    share, std = np.abs(one["mixed"].values), one["mixed_std"].values
+    sure = np.flatnonzero((std > 0) & (share > SURE * std))
+    order = sure[np.argsort(-share[sure], kind="stable")]
+    parts = (f"{model['model_mode'].values[j]} ({PERCENT * share[j]:.2g} %)" for j in order)
+    return ", ".join(parts)

@@ -1,0 +1,127 @@
+"""Modes and the verdict on a model: in the line that closes a run, in tables and on the page."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from sldvexp.dataset import RunData, group
+from sldvexp.plot import figures_of
+from sldvexp.report import closing_lines, closing_table
+from sldvexp.report.html import modal, run_page
+from sldvexp.report.html.blocks import Figure, HtmlTable, Listing, Text
+from sldvexp.report.key_numbers import key_numbers
+from sldvexp.report.modal_tables import modal_tables, model_sentences
+from tests.report.made_modes import LIMITS, model, modes, told_of_model
+
+
+def column(table, name):
+    return list(next(c for c in table.columns if c.header == name).cells)
+
+
+def test_the_line_that_closes_a_run_tells_its_modes_first(tmp_path):
+    place = {"origin": [[0, 0, 1]], "origin_confidence": [[2e-4, 1e-4, 2e-4]]}
+    groups = {"pose": group("pose", {"view": ["front"]}, **place), "modes": modes()}
+    told = dict(closing_lines(RunData(groups), [tmp_path / "run.nc"]))
+    assert told["found"] == (
+        "3 modes: 197.0000 ± 0.0020 Hz, damping 1.00000 ± 0.00098 %; "
+        "439.0000 ± 0.0039 Hz, damping 1.00010 ± 0.00098 %; "
+        "545.0000 ± 0.0059 Hz, damping 1.00020 ± 0.00098 %"
+    )
+    assert told["bounds"] == "95 %"
+
+
+def test_of_many_modes_the_line_names_five(tmp_path):
+    many = {"modes": modes(np.linspace(100.0, 800.0, 8))}
+    told = dict(closing_lines(RunData(many), [tmp_path / "run.nc"]))["found"]
+    assert told.startswith("8 modes: ")
+    assert told.endswith("; 3 more")
+    assert told.count(" Hz") == 5
+
+
+def test_the_line_tells_the_verdict_on_the_model(tmp_path):
+    for shapes, frequencies, verdict in (
+        ("accepted", "accepted", "accepted"),
+        ("accepted", "rejected", "rejected"),
+        ("rejected", "undecided", "rejected"),
+        ("accepted", "undecided", "undecidable"),
+    ):
+        run = RunData({"modes": modes(), "model": model(shapes, frequencies)})
+        told = dict(closing_lines(run, [tmp_path / "run.nc"]))["found"]
+        assert f"; finite element model {verdict} (shapes {shapes}, frequencies " in told
+
+
+def test_a_run_without_modes_tells_what_it_told_before(tmp_path):
+    place = {"origin": [[0, 0, 1]], "origin_confidence": [[2e-4, 1e-4, 2e-4]]}
+    run = RunData({"pose": group("pose", {"view": ["front"]}, **place)})
+    told = dict(closing_lines(run, [tmp_path / "run.nc"]))
+    assert told["found"].startswith("where the instrument stood in 1 view")
+    assert list(modal_tables(run)) == []
+
+
+def test_modes_are_a_table_with_bounds():
+    (table,) = modal_tables(RunData({"modes": modes()}))
+    assert table.title == "Modes, with 95 % bounds; misfit 1.02 times the noise (p = 0.3)"
+    assert column(table, "natural frequency, Hz")[1] == "439.0000 ± 0.0039"
+    assert column(table, "damping, %")[2] == "1.00020 ± 0.00098"
+    assert column(table, "complexity, ‰")[0] == "0.200 ± 0.020"
+    assert column(table, "phase, deg")[0] == "0.573"
+
+
+def test_no_mode_found_is_said_and_makes_an_empty_table(tmp_path):
+    run = RunData({"modes": modes(np.empty(0))})
+    assert dict(closing_lines(run, [tmp_path / "run.nc"]))["found"] == "no modes"
+    (table,) = modal_tables(run)
+    assert table.row_count == 0
+    assert "stabilisation" in figures_of(run)
+
+
+def test_a_model_is_a_table_of_pairs_with_the_tests():
+    _, table = modal_tables(RunData({"modes": modes(), "model": model("rejected")}))
+    assert table.title == (
+        "Finite element model: rejected (shapes rejected, frequencies accepted); "
+        "frequencies together p = 0.84"
+    )
+    assert column(table, "pair") == ["1", "2", "none"]
+    assert column(table, "difference, ‰") == ["-1", "+2", ""]
+    assert column(table, "MAC")[0] == "0.9999000"
+    assert column(table, "expected if right")[0] == "0.9999100 ± 0.0000020"
+    assert column(table, "shape p") == ["0.4", "1e-09", ""]
+    assert column(table, "mixed with") == ["", "3 (2 %)", ""]
+
+
+def test_what_cannot_be_told_of_a_model_is_its_last_sentence():
+    told = model_sentences(RunData({"model": model(), "verdict": told_of_model()}))
+    assert told == ["The shapes are those measured.", f"I{LIMITS[1:]}."]
+
+
+def test_tables_of_modes_and_model_come_before_all_others(capsys, tmp_path):
+    line = np.linspace(100.0, 700.0, 256)
+    lines = {"velocity": np.ones((2, 256)), "velocity_std": np.full((2, 256), 1e-3)}
+    image = group("image", {"frequency": line}, flags=[0, 0], **lines)
+    image = image.assign_attrs(summary="0 of 2 pixels are flagged")
+    closing_table({"image/a": image, "modes": modes(), "model": model()}, [tmp_path / "run.nc"])
+    told = capsys.readouterr().out
+    assert 0 <= told.index("Modes, with 95 %") < told.index("Finite element model: accepted")
+    assert "Image of the view a" not in told[: told.index("Finite element model")]
+
+
+def test_key_numbers_of_modes_are_their_poles():
+    key = key_numbers(RunData({"modes": modes(), "field": group("field", {})}))
+    assert key.title == "Modes, with 95 % bounds"
+    assert key.rows[0] == ["1", "197.0000 ± 0.0020", "1.00000 ± 0.00098"]
+
+
+def test_the_page_has_a_section_of_modes_and_one_of_the_model():
+    run = RunData({"modes": modes(), "model": model("rejected"), "verdict": told_of_model()})
+    found, tested = modal.modes_section(run), modal.model_section(run)
+    assert [type(block) for block in found.blocks] == [HtmlTable, Text, Figure]
+    assert (found.title, tested.title) == ("Modes", "Model")
+    assert tested.blocks[0].tone == "warning"
+    (listing,) = (block for block in tested.blocks if isinstance(block, Listing))
+    assert listing.items[-1].startswith("Its shapes say nothing of E")
+    assert run_page._title(run) == "3 modes and a finite element model put to the test"
+
+
+def test_a_run_without_modes_has_no_such_sections():
+    run = RunData({})
+    assert modal.modes_section(run) is modal.model_section(run) is None
