@@ -179,7 +179,7 @@ VARIABLES: dict[str, dict[str, Variable]] = {
         "adjusted_p_value": _V("", "1", "probability of what the adjusted model leaves"),
         "line_frequency": _V("line", "Hz", "frequency of the measured line"),
         "csac": _V("line", "1", "CSAC: measured against the model's response over all pixels"),
-        "csac_expected": _V("line", "1", "its expected value if the model is right"),
+        "csac_expected": _V("line", "1", "its expected value under noise alone"),
         "csac_std": _V("line", "1", "its standard deviation then"),
     },
     "model/shape": {
@@ -194,10 +194,10 @@ VARIABLES: dict[str, dict[str, Variable]] = {
         "residual": _V("pixel paired_mode", "m/s", "measured minus that"),
         "position": _V("pixel axis", "m", "where the beam meets the model"),
         "comac": _V("pixel", "1", "CoMAC over the paired modes"),
-        "comac_expected": _V("pixel", "1", "its expected value if the model is right"),
+        "comac_expected": _V("pixel", "1", "its expected value under noise alone"),
         "comac_std": _V("pixel", "1", "its standard deviation then"),
         "frac": _V("pixel", "1", "FRAC: measured against the model's response over all lines"),
-        "frac_expected": _V("pixel", "1", "its expected value if the model is right"),
+        "frac_expected": _V("pixel", "1", "its expected value under noise alone"),
         "frac_std": _V("pixel", "1", "its standard deviation then"),
     },
     "pose": {

@@ -36,6 +36,11 @@ def level_of(modes: xr.Dataset) -> float:
     return float(modes.attrs.get("confidence_level", 0.95))
 
 
+def level_factor(modes: xr.Dataset) -> float:
+    """Return the factor of a standard error that makes its bound."""
+    return float(student_factor(level_of(modes), np.inf))
+
+
 def modes_told(run: RunData) -> str:
     """Say how many modes there are, and frequency and damping of the first; empty without any.
 
@@ -58,7 +63,7 @@ def modes_told(run: RunData) -> str:
 
 def poles(modes: xr.Dataset) -> list[tuple[str, str]]:
     """Write natural frequency in Hz and damping in percent of every mode, with bounds."""
-    factor = float(student_factor(level_of(modes), np.inf))
+    factor = level_factor(modes)
     hertz, damping = modes["natural_frequency"].values, modes["damping_ratio"].values
     bounds = (
         factor * modes[name].values if name in modes else np.full(len(hertz), np.nan)
@@ -146,7 +151,7 @@ def mode_table(modes: xr.Dataset) -> Table:
         cells.append([number(phase.factor * x, 3) for x in modes["phase"].values])
     if "scale_std" in modes:
         columns.append("shape's scale, ± ‰")
-        factor = PER_MILLE * float(student_factor(level_of(modes), np.inf))
+        factor = PER_MILLE * level_factor(modes)
         cells.append([number(factor * x, 2) for x in modes["scale_std"].values])
     table = Table(*columns, title=title, title_justify="left")
     for row in zip(*cells, strict=True):
@@ -156,7 +161,7 @@ def mode_table(modes: xr.Dataset) -> Table:
 
 def _bounded(modes: xr.Dataset, name: str, scale: float) -> list[str]:
     """Write values with bounds, as parts of a whole that `scale` names."""
-    factor = scale * float(student_factor(level_of(modes), np.inf))
+    factor = scale * level_factor(modes)
     bounds = modes.get(f"{name}_std", xr.full_like(modes[name], np.nan)).values
     values = zip(modes[name].values, bounds, strict=True)
     return [with_bound(scale * value, factor * std) for value, std in values]
