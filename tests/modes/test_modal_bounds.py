@@ -91,7 +91,7 @@ def test_shares_of_a_neighbour_are_as_uncertain_as_told():
         share = np.linalg.lstsq(shape, velocity, rcond=None)[0].T - np.eye(2)
         chance = np.linalg.inv(shape.T @ shape)
         noise = np.sqrt((std**2).mean(axis=0)[:, None] * np.diag(chance))
-        mixing = found.modes["mixing_std"].values
+        mixing = found.projection.mixing(found.fit.covariance)
         shares.append(np.stack([share.real, share.imag]) / np.hypot(mixing, noise))
         told.append(mixing / noise)
     parts = np.array(shares)
