@@ -25,7 +25,7 @@ from sldvexp.pose.uncertainty import half_width, standard_error
 from sldvexp.scan import Scan, ScanPart
 from sldvexp.scan.by_hand import ByHand
 from sldvexp.sweep import recorded_config
-from sldvexp.targets import Circles, Target
+from sldvexp.targets import Circles, Target, shade_told, shaded_circles
 from sldvexp.typing import Array
 from sldvexp.units import LengthUnit, unit_named
 
@@ -222,8 +222,13 @@ def known_lines(view: AimedView, around: Surroundings, unit: LengthUnit) -> Iter
     """Yield a line for each circle or mark, and each corner of the region, that is known."""
     target, laser = around.target, around.laser
     if isinstance(target, Circles):
-        for number, centre in zip(target.circles, target.outlines().mean(axis=1), strict=True):
-            yield point_line(f"circle {number} ", centre, view, laser, unit)
+        hidden = shaded_circles(view.origin, target)
+        for number, edge in zip(target.circles, target.outlines(), strict=True):
+            yield point_line(f"circle {number} ", edge.mean(axis=0), view, laser, unit)
+            if others := hidden.get(number):
+                yield f"    {shade_told(number, others)}"
+            elif beyond := _unreachable(edge, view, laser):
+                yield f"    its edge: {beyond}"
     elif target is not None:
         points = target.points()
         for number, point in zip(points.number, points.position, strict=True):
@@ -235,6 +240,16 @@ def known_lines(view: AimedView, around: Surroundings, unit: LengthUnit) -> Iter
     if len(around.surface):
         low, high = around.surface.min(axis=(0, 1)), around.surface.max(axis=(0, 1))
         yield f"  surface of the volume from {_place(low, unit)} to {_place(high, unit)}"
+
+
+def _unreachable(points: Array, view: AimedView, laser: TwoMirror) -> str:
+    """Say which of the points the beam cannot go to; nothing if it can go to all."""
+    names = [f"point {k}" for k in range(1, len(points) + 1)]
+    try:
+        dac_of_points(points, view.rotation, view.origin, laser, names)
+    except UserError as error:
+        return str(error)
+    return ""
 
 
 def _has(scan: Scan, view: str) -> bool:

@@ -40,6 +40,7 @@ CHAPTERS = {
         "fields",
         "shell",
         "modes",
+        "models",
         "theory",
         "virtual_lab",
     ),

@@ -20,15 +20,17 @@ from sldvexp.cli.layout import wrapped
 from sldvexp.config import Origins, messages, schema
 from sldvexp.config.experiment import Experiment
 from sldvexp.config.paths import RUN_FILE
-from sldvexp.config.planning import PlanCriterion
+from sldvexp.config.planning import PlanCriterion, PlanRoom
 from sldvexp.config.refusals import refusal
 from sldvexp.dataset import RunData
 from sldvexp.errors import UserError
-from sldvexp.planner.place import Unseen
+from sldvexp.planner.images import Stand
+from sldvexp.planner.place import SETTING_OF, Place, Unseen
 from sldvexp.planner.planned import StandPlan, sampling_of
 from sldvexp.plot import save
 from sldvexp.plot.catalogue import USUAL
 from sldvexp.sweep import recorded_config
+from sldvexp.targets import shade_told, shaded_circles
 
 #: Options of this command with what they take.
 OPTIONS = COMMAND_HELP["plan"].options
@@ -201,6 +203,14 @@ def _bounds(found: StandPlan) -> Table:
 
 def told(found: StandPlan, action: str, experiment: Experiment) -> Iterator[str]:
     """Yield sentences on what was asked for, what is not seen and what the bounds leave out."""
+    yield (
+        "an instrument looks at the point that its beam meets with both mirrors at step 0; planned "
+        "stands look where the region and the calibration object lie evenly within the mirrors"
+    )
+    if action != "check" and experiment.plan.room.unsaid:
+        yield _usual_room(experiment.plan.room)
+    if (wanted := experiment.plan.in_si("wanted")) is not None:
+        yield f"wanted, at most: {1e3 * wanted:.3g} mm/s"
     for count, bound in found.by_count.items():
         yield f"{count} stands: about {1e3 * bound:.3g} mm/s"
     of = experiment.plan.of
@@ -225,23 +235,45 @@ def told(found: StandPlan, action: str, experiment: Experiment) -> Iterator[str]
         )
     if action == "check":
         yield from _not_seen(found)
+        yield from planner.circle_lines.too_short(found.stands, found.place, experiment.scan)
     yield (
         f"bounds are of the noise, {1e3 * found.noise:.3g} mm/s at a pixel, of every place by "
         "itself; poses and the size of elements add to them, a thin shell lessens them"
     )
 
 
+def _usual_room(said: PlanRoom) -> str:
+    """Say within which limits stands were looked for that nobody has said."""
+    room, unsaid = said.for_new_stands(), said.unsaid
+    limits = {"low": "y from {1:g} m", "high": "y to {1:g} m", "distance": "{:g} to {:g} m away"}
+    told = [limits[key].format(*getattr(room, key)) for key in unsaid]
+    keys = " and ".join(f"plan.room.{key}" for key in unsaid)
+    return f"stands were looked for with {', '.join(told)}, for nothing says {keys}"
+
+
 def _not_seen(found: StandPlan) -> Iterator[str]:
     """Say which nodes each stand does not see, and why."""
+    place = found.place
     for k, stand in enumerate(found.stands):
-        if refused := found.examined.refused[k]:
-            yield f"stand {stand.name}: {Unseen(refused).told}"
+        refusals = place.refusals(stand.origin[None], stand.rotation[None])
+        for reason in (reason for reason, refused in refusals.items() if refused[0]):
+            yield f"stand {stand.name}: {_why(reason, place, stand)}"
         why = found.examined.why[k]
         for reason in map(Unseen, np.unique(why[why > 0])):
             nodes = np.flatnonzero(why == reason)
-            low, high = (getattr(found.place.nodes[nodes], f)(axis=0) for f in ("min", "max"))
+            low, high = (getattr(place.nodes[nodes], f)(axis=0) for f in ("min", "max"))
             places = ", ".join(f"{a:.3f} to {b:.3f}" for a, b in zip(low, high, strict=True))
             yield (
                 f"stand {stand.name} does not see {len(nodes)} of {len(why)} nodes, within "
-                f"({places}) m: {reason.told}"
+                f"({places}) m: {_why(reason, place, stand)}"
             )
+
+
+def _why(reason: Unseen, place: Place, stand: Stand) -> str:
+    """Say a reason with the circles that it is about, or the setting that it comes from."""
+    if reason is Unseen.target_hidden and place.marks.circles is not None:
+        hidden = shaded_circles(stand.origin, place.marks.circles)
+        return "; ".join(shade_told(number, others) for number, others in hidden.items())
+    name = SETTING_OF[reason].partition(" ")[0].removeprefix("plan.room.")
+    value = getattr(place.room, name, None)
+    return reason.told if value is None else f"{reason.told} (plan.room.{name}={value})"

@@ -225,7 +225,7 @@ class Experiment:
         chosen="iterative",
     )
     stream: Any = one_of("stream", {"dask": "sldvexp.field.streaming.dask"})
-    modal: Any = one_of("modal", {"own": "sldvexp.modes.own"})
+    modal: Any = one_of("modal", {"own": "sldvexp.modes.own", "sdypy": "sldvexp.modes.by_sdypy"})
     model: Any = one_of(
         "model", {"file": "sldvexp.models.model_file", "plate": "sldvexp.models.skfem_plate"}
     )

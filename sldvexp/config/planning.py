@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import Enum
-from typing import Any
+from typing import Any, Self
 
 from sldvexp.errors import Checks
+from sldvexp.units import VelocityUnit
 
 #: Fewer stands do not determine a vector; more are no matter of planning.
 FEWEST_STANDS, MOST_STANDS = 3, 8
+#: Room in which stands are looked for where nothing is said of it, m: an instrument on a tripod,
+#: the zero of the world at the height of a table.
+USUAL_DISTANCE = (1.2, 2.5)
+USUAL_LOW, USUAL_HIGH = (None, -0.9, None), (None, 1.1, None)
 #: Names of what bounds can be wanted of; a direction is three numbers.
 WANTED_OF = ("all", "in_plane", "x", "y", "z", "t1", "t2", "n")
 
@@ -65,11 +70,13 @@ class PlanRoom:
 
     Parameters
     ----------
-    distance : list of 2 float, m
-        Nearest and farthest that any node of the surface may be from the instrument.
-    low, high : list of 3 float or null, m
+    distance : list of 2 float, m, optional
+        Nearest and farthest that any node of the surface may be from the instrument. Without it
+        stands are looked for from 1.2 to 2.5 m, and those that are given may be anywhere.
+    low, high : list of 3 float or null, m, optional
         Opposite corners, in the world, of where the instrument can stand; null is no limit. The
-        world's y is up.
+        world's y is up. Without them stands are looked for from 0.9 m below to 1.1 m above the
+        world's zero, and those that are given may be anywhere.
     forbidden : dict of str to ForbiddenBox
     incidence : float, deg
         Largest angle between a beam and the normal of the surface, or of a plane of circles.
@@ -81,23 +88,37 @@ class PlanRoom:
         stand sees the whole object, half of what the best one sees.
     """
 
-    distance: list[float] = field(default_factory=lambda: [1.2, 2.5])
-    low: list[float | None] = field(default_factory=lambda: [None, -0.9, None])
-    high: list[float | None] = field(default_factory=lambda: [None, 1.1, None])
+    distance: list[float] = field(default_factory=list)
+    low: list[float | None] = field(default_factory=list)
+    high: list[float | None] = field(default_factory=list)
     forbidden: dict[str, ForbiddenBox] = field(default_factory=dict)
     incidence: float = 60.0
     mirrors: float = 0.96
     seen: float | None = None
 
+    def for_new_stands(self) -> Self:
+        """Give the usual limits where nothing is said, for stands that are looked for."""
+        return replace(
+            self,
+            distance=self.distance or list(USUAL_DISTANCE),
+            low=self.low or list(USUAL_LOW),
+            high=self.high or list(USUAL_HIGH),
+        )
+
+    @property
+    def unsaid(self) -> list[str]:
+        """Limits that are not said."""
+        return [key for key in ("low", "high", "distance") if not getattr(self, key)]
+
     def check(self, checks: Checks, name: str) -> None:
         """Note under `name` what no room can be."""
         pair = len(self.distance) == 2 and 0 < self.distance[0] < self.distance[1] < math.inf
         message = f"must be a nearest and a larger farthest distance, m, not {self.distance}"
-        checks.require(pair, f"{name}.distance", message)
+        checks.require(pair or not self.distance, f"{name}.distance", message)
         for key in ("low", "high"):
             values = getattr(self, key)
             message = f"must be three numbers or null, not {len(values)}"
-            checks.require(len(values) == 3, f"{name}.{key}", message)
+            checks.require(len(values) in (0, 3), f"{name}.{key}", message)
             checks.finite(f"{name}.{key}", *(v for v in values if v is not None))
         if len(self.low) == len(self.high) == 3:
             for axis, a, b in zip("xyz", self.low, self.high, strict=True):
@@ -128,12 +149,14 @@ class PlanSettings:
     gage : list of 2 lists of 3 float, m
         Instead of `of`: ends of a strain gage on the surface, in the world. The bounds are then of
         the velocities at its ends along it, and of the strain between them.
-    wanted : float, m/s, optional
-        Bound that is to be reached, at the level of the reconstruction; then as many stands are
-        planned as it needs, whatever `stands` says.
-    noise : float, m/s, optional
-        Root mean square of the vibrometer's noise before a sine is fitted. Without it that of the
-        images of the run that is gone on with, of the virtual lab, or 0.5 % of 0.1 m/s.
+    unit : VelocityUnit
+        Of `wanted` and `noise`.
+    wanted : float, optional
+        Bound that is to be reached, in `unit`, at the level of the reconstruction; then as many
+        stands are planned as it needs, whatever `stands` says.
+    noise : float, optional
+        Root mean square of the vibrometer's noise before a sine is fitted, in `unit`. Without it
+        that of the images of the run that is gone on with, of the virtual lab, or 0.5 % of 0.1 m/s.
     drop_out : float, optional
         Part of the pixels that speckle will cost. Without it that of the virtual lab, or 0.002.
     pixels : list of 2 int
@@ -147,6 +170,7 @@ class PlanSettings:
     criterion: PlanCriterion = PlanCriterion.mean
     of: Any = "all"
     gage: list[Any] = field(default_factory=list)
+    unit: VelocityUnit = VelocityUnit.m_per_s
     wanted: float | None = None
     noise: float | None = None
     drop_out: float | None = None
@@ -177,6 +201,11 @@ class PlanSettings:
         checks.require(50 <= self.candidates <= 20000, "candidates", message)
         self.room.check(checks, "room")
         checks.done()
+
+    def in_si(self, key: str) -> float | None:
+        """Give ``wanted`` or ``noise`` in m/s, None if it is not said."""
+        value = getattr(self, key)
+        return None if value is None else float(value * self.unit.value)
 
     def _check_of(self, checks: Checks) -> None:
         """Refuse what is neither a name nor a direction."""

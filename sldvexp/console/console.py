@@ -6,19 +6,22 @@ import logging
 import queue
 import threading
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from pathlib import Path
 
 from sldvexp import dataset
 from sldvexp.config.experiment import Experiment
+from sldvexp.config.own_files import own_path
 from sldvexp.config.paths import RUN_FILE
 from sldvexp.console.afterwards import Advice, Advise
 from sldvexp.console.bench import AimingBench, Wish
 from sldvexp.console.board import NoticeBoard
 from sldvexp.console.scanning import Asked, Scanning
 from sldvexp.console.server import Server
-from sldvexp.console.written import CHOICE, settings_with, write_experiment
+from sldvexp.console.written import CHOICE, command_with, settings_with, write_experiment
 from sldvexp.dataset import RunData
 from sldvexp.errors import UserError
+from sldvexp.files import read_text
 from sldvexp.report import REPORT_FILE, closing_lines
 from sldvexp.session import Operator, Watcher
 
@@ -70,6 +73,7 @@ class Console:
         self._compose, self._run, self._advise = compose, run, advise
         self._page: Path | None = None
         self._plan, self._plans = Advice([]), 0
+        self._ours: dict[Path, str] = {}  # files that were written, as they were
         self.bench.further = {"write": self._write, "scan": self._scan, "plan": self._examine}
         base = next((m[1] for s in settings if (m := CHOICE.fullmatch(s))), "session")
         self.board.tell("suggested", f"{base.rpartition('/')[2]}_aimed")
@@ -103,12 +107,20 @@ class Console:
         name = wish.get("name")
         if not isinstance(name, str):
             raise UserError("an experiment needs a name")
-        replace = wish.get("replace") is True
+        before = own_path(self.folder, "experiment", name)
+        replace = wish.get("replace") is True or self._is_ours(before)
         path = write_experiment(self.folder, name, self.settings, scan, replace)
-        settings = settings_with(self.settings, name)
-        self.board.tell("written", f"{path}; sldvexp {' '.join(settings)} scans it")
+        self._ours[path] = path.read_text(encoding="utf-8")
+        command = command_with(self.folder, self.settings, name)
+        self.board.tell("written", f"{path}; {command} scans it")
         self.bench.say(f"Written to {path}.")
-        return settings
+        return settings_with(self.settings, name)
+
+    def _is_ours(self, path: Path) -> bool:
+        """Tell whether a file is one that this console wrote, and nobody changed since."""
+        with suppress(UserError):  # it is not there, or no text
+            return path in self._ours and read_text(path) == self._ours[path]
+        return False
 
     def _scan(self, wish: Wish) -> None:
         """Scan what was aimed, as a run of the experiment that is written of it."""

@@ -55,12 +55,23 @@ def write_experiment(
     if name in base:
         raise UserError(f"{name}: an experiment cannot be made of itself; take another name")
     defaults = [*(f"/experiment/{b}" for b in base), "_self_"]
-    line = f"sldvexp --config-dir {shlex.quote(str(folder))} "
-    told = [TOLD, f"  {line}{shlex.join(settings_with(settings, name))}"]
+    told = [TOLD, f"  {command_with(folder, settings, name)}"]
     path = own_path(folder, "experiment", name)
     text = choice_text(told, defaults, {"scan": scan}, apart=True)
     write_own({path: text}, replace, "take another name, or replace it")
     return path
+
+
+def command_with(folder: Path, settings: Sequence[str], name: str) -> str:
+    """Give the command that scans what was aimed.
+
+    Examples
+    --------
+    >>> command_with(Path("my lab"), ["experiment=plate"], "aimed")
+    "sldvexp --config-dir 'my lab' experiment=aimed"
+    """
+    words = ["--config-dir", str(folder), *settings_with(settings, name)]
+    return f"sldvexp {shlex.join(words)}"
 
 
 def settings_with(settings: Sequence[str], name: str) -> list[str]:

@@ -111,6 +111,10 @@ VARIABLES: dict[str, dict[str, Variable]] = {
         "complexity": _V("mode", "1", "1 - modal phase collinearity; 0 if all moves in phase"),
         "complexity_std": _V("mode", "1", "its standard error"),
         "phase": _V("mode", "rad", "phase of the mode at resonance against the reference", "deg"),
+        "modal_scale": _V(
+            "mode", "m/s", "r.m.s. velocity of all pixels at resonance, per unit of the reference"
+        ),
+        "modal_scale_std": _V("mode", "m/s", "its standard error"),
         "misfit": _V("", "1", "variance of what the modes leave over, over that of the noise"),
         "misfit_dof": _V("", "1", "real degrees of freedom behind it"),
         "misfit_p_value": _V("", "1", "probability of such a misfit if only noise is left over"),
@@ -177,13 +181,13 @@ VARIABLES: dict[str, dict[str, Variable]] = {
     "model/shape": {
         "position": _V("node axis", "m", "node of the surface seen, in the world"),
         "triangle": _V("triangle corner", "1", "nodes of the elements and their halves, from 0"),
-        "shape": _V("node component model_mode", "m", "mode shape of the model there"),
-        "velocity": _V("node component mode", "m/s", "measured mode expanded to the node"),
-        "velocity_std": _V("node component mode", "m/s", "its standard error, per part"),
+        "shape": _V("node component shape_mode", "m", "mode shape of the model there"),
+        "velocity": _V("node component paired_mode", "m/s", "measured mode expanded to the node"),
+        "velocity_std": _V("node component paired_mode", "m/s", "its standard error, per part"),
     },
     "model/image": {
-        "velocity": _V("pixel mode", "m/s", "the model's mode, scaled to the measured one"),
-        "residual": _V("pixel mode", "m/s", "measured minus that"),
+        "velocity": _V("pixel paired_mode", "m/s", "the model's mode, scaled to the measured one"),
+        "residual": _V("pixel paired_mode", "m/s", "measured minus that"),
         "position": _V("pixel axis", "m", "where the beam meets the model"),
         "comac": _V("pixel", "1", "CoMAC over the paired modes"),
         "comac_expected": _V("pixel", "1", "its expected value if the model is right"),

@@ -130,7 +130,7 @@ class Instrument(Protocol):
         """Point the beam at (up_down, left_right) in DAC steps."""
 
     def acquire(self) -> RawSamples:
-        """Sample one pixel where the beam stands."""
+        """Sample one pixel, all its records, where the beam stands."""
 
     def scan(self, dac: IntArray, stream: int | None = None) -> RawSamples:
         """Move and sample a whole list, shape (pixel, 2), buffered by the instrument.

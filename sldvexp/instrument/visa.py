@@ -204,7 +204,11 @@ class CommandedInstrument:
             raise InstrumentError(
                 f"configuring: rate and samples must be positive numbers, not {acquisition}"
             )
-        self._acquisition = acquisition
+        before, self._acquisition = self._acquisition, acquisition
+        alike = before is not None and replace(before, records=acquisition.records) == acquisition
+        if alike and acquisition.drive is not None:  # what is played goes on
+            self._persistently("configuring", self._count_records)
+            return
         if acquisition.plays and not self.profile.commands.generator_on:
             played = in_words(acquisition)
             log.warning("the generator is set by hand: %s with %g V", played, acquisition.amplitude)
@@ -317,9 +321,8 @@ class CommandedInstrument:
             "amplitude": a.amplitude,
         }
         dialogue.run(commands.configure, values)
-        if commands.records and (a.records > 1 or self._several):
-            self._several = True
-            dialogue.run(commands.records, records_of(a))
+        if a.records > 1 or self._several:
+            self._count_records(dialogue)
         if a.drive is not None:
             dialogue.run(commands.play, played_by(self.profile, a.drive))
         else:
@@ -333,6 +336,11 @@ class CommandedInstrument:
         self._scale = [in_block[data.channels.index(channel)] for channel in CHANNELS]
         dialogue.verify(playing=a.plays)
         self._read_rightly = False
+
+    def _count_records(self, dialogue: Dialogue) -> None:
+        """Say how many records a pixel takes, if the device can be told."""
+        self._several = True
+        dialogue.run(self.profile.commands.records, records_of(self._configured()))
 
     def _microseconds(self, rate: float) -> int:
         """Count whole microseconds between samples, for a device that counts them."""

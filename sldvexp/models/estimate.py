@@ -31,6 +31,7 @@ from sldvexp.models.shape_agreement import (
     join_shapes,
 )
 from sldvexp.models.updating import UpdatedParameters, update_parameters
+from sldvexp.pose import cross_covariance
 from sldvexp.typing import IntArray
 
 
@@ -130,7 +131,9 @@ def examine_model(
     views = [map_shapes(model, pixels) for pixels in modal_pixels(tree, laser)]
     check_seen(views, model.source)
     mixing = modes["mixing_std"].values if "mixing_std" in modes else None
-    pixels = StackedPixels.of_views(views, mixing)
+    size = 6 * len(views)
+    joint = cross_covariance(tree["pose"], [view.pixels.name for view in views])
+    pixels = StackedPixels.of_views(views, joint.reshape(size, size), mixing)
     measured = modes["natural_frequency"].values
     mac = assurance_matrix(pixels)
     pair = pair_modes(mac.value, measured, model.frequency, source.pair_above)

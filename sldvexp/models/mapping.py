@@ -156,7 +156,7 @@ def _pixels(
     std = np.broadcast_to(std.reshape(len(std), -1), velocity.shape).astype(float)
     usable = (image["flags"].values == 0) & np.isfinite(velocity).all(1) & (std > 0).all(1)
     pixel = np.flatnonzero(usable)
-    pointing = float(np.nan_to_num(pose["pointing_std"])) if "pointing_std" in pose else 0.0
+    found = float(np.nan_to_num(pose["pointing_std"])) if "pointing_std" in pose else 0.0
     return ModalPixels(
         name,
         pose["rotation"].values,
@@ -168,7 +168,7 @@ def _pixels(
         pixel,
         velocity[pixel].astype(complex),
         std[pixel],
-        pointing,
+        laser.pointing_std or found,
     )
 
 

@@ -197,8 +197,9 @@ def _of_nodes(found: ExaminedModel) -> xr.Dataset:
         "model/shape",
         {
             "node": np.arange(len(surface.position)),
-            "model_mode": np.arange(1, model.modes + 1),
-            "mode": found.modes["mode"].values[found.paired],
+            # Names of their own: groups below another cannot have its dimensions in part.
+            "shape_mode": np.arange(1, model.modes + 1),
+            "paired_mode": found.modes["mode"].values[found.paired],
         },
         position=surface.position,
         triangle=model.halves,
@@ -216,7 +217,7 @@ def _of_view(found: ExaminedModel, k: int, lines: _Lines | None) -> xr.Dataset:
     criterion = comac(measured, predicted, view.pixels.std[:, found.paired])
     return dataset.group(
         "model/image",
-        {"pixel": view.pixels.pixel, "mode": found.modes["mode"].values[found.paired]},
+        {"pixel": view.pixels.pixel, "paired_mode": found.modes["mode"].values[found.paired]},
         velocity=predicted,
         residual=measured - predicted,
         position=view.place,

@@ -26,6 +26,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from sldvexp.lazy import scipy
 from sldvexp.models.mapping import PredictedPixels
 from sldvexp.statistics import chi_square_p_value
 from sldvexp.typing import Array, ComplexArray
@@ -58,21 +59,29 @@ class StackedPixels:
 
     @classmethod
     def of_views(
-        cls, views: Sequence[PredictedPixels], mixing: Array | None = None
+        cls,
+        views: Sequence[PredictedPixels],
+        covariance: Array | None = None,
+        mixing: Array | None = None,
     ) -> StackedPixels:
-        """Stack views; a pose without covariance counts as exact."""
-        modes = views[0].pixels.velocity.shape[1]
-        own = []
-        for k, view in enumerate(views):
-            whole = np.zeros((*view.shape.shape, 6 * len(views)))
-            if view.pixels.covariance is not None:
-                whole[..., 6 * k : 6 * k + 6] = view.by_pose @ root(view.pixels.covariance)
-            own.append(whole)
+        """Stack views.
+
+        Parameters
+        ----------
+        covariance : ndarray, shape (6 view, 6 view), optional
+            Of all poses together, NaN where nothing is known, which counts as exact. Without it
+            the views' own are independent.
+        """
+        modes, count = views[0].pixels.velocity.shape[1], len(views)
+        if covariance is None:
+            each = [np.zeros((6, 6)) if (c := v.pixels.covariance) is None else c for v in views]
+            covariance = np.asarray(scipy.linalg.block_diag(*each))
+        errors = root(np.nan_to_num(covariance)).reshape(count, 6, 6 * count)
         return cls(
             np.concatenate([v.pixels.velocity for v in views]),
             np.concatenate([v.pixels.std for v in views]),
             np.concatenate([v.shape for v in views]),
-            np.concatenate(own),
+            np.concatenate([v.by_pose @ own for v, own in zip(views, errors, strict=True)]),
             np.concatenate([(v.by_dac**2).sum(axis=-1) * v.pixels.pointing**2 for v in views]),
             np.zeros((modes, modes)) if mixing is None else mixing,
         )

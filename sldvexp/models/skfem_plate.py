@@ -85,8 +85,11 @@ class PlateModel(ModelSource):
     size : list of 2 float, the model's unit
         Length and width.
     E : float, Pa
+        Young's modulus.
     nu : float
+        Poisson's ratio.
     rho : float, kg/m^3
+        Density.
     elements : list of 2 int
         Along each side, even numbers.
     modes : int

@@ -138,6 +138,10 @@ def _modes(
     natural, damping = _natural(fit)
     count, candidates = len(fit.pole), fit.stabilisation
     relative = np.sqrt(np.diag(fit.covariance))
+    scale, scale_std = None, None
+    if responses.reference is not None:
+        scale = sums.rms() / responses.nominal
+        scale_std = scale * np.hypot(np.diag(mixing), sums.rms_relative_std())
     size = np.abs(candidates.pole)
     parameters = [f"{name}_{k + 1}" for name in ("frequency", "damping") for k in range(count)]
     return dataset.group(
@@ -160,6 +164,8 @@ def _modes(
         complexity=sums.complexity(),
         complexity_std=sums.complexity_std(),
         phase=sums.phase(),
+        modal_scale=scale,
+        modal_scale_std=scale_std,
         misfit=fit.chi_square / fit.dof,
         misfit_dof=fit.dof,
         misfit_p_value=chi_square_p_value(fit.chi_square, fit.dof),

@@ -152,16 +152,28 @@ def _fitted(responses: PrincipalResponses, starts: ComplexArray, beside: Complex
         ftol=1e-14,
         gtol=1e-14,
     )
-    last = _Projection(responses, values, solution.x)
+    return _evaluated(responses, _Projection(responses, values, solution.x), len(starts))
+
+
+def at_poles(responses: PrincipalResponses, poles: ComplexArray) -> PoleFit:
+    """Judge given poles as `most_likely` does its own; they have no covariance."""
+    unknowns = np.log([*np.abs(poles), *(-poles.real / np.abs(poles))])
+    found = _Projection(responses, split(responses.values.T), unknowns)
+    fit = _evaluated(responses, found, len(poles))
+    return replace(fit, covariance=np.full_like(fit.covariance, np.nan))
+
+
+def _evaluated(responses: PrincipalResponses, last: _Projection, starts: int) -> PoleFit:
+    """Tell poles within the band, the first of which are no others, and how well they fit."""
+    omega, values = responses.omega, last.residual
+    count, lines = len(last.poles), len(omega)
     slope = last.jacobian(whole=False)
     covariance = np.asarray(np.linalg.pinv(slope.T @ slope), float)
     squares = (last.residual**2).sum(axis=1)
     free = (1 - (last.unitary**2).sum(axis=1)) * values.shape[1]
     by_line = np.asarray(squares.reshape(2, lines).sum(axis=0) / free.reshape(2, lines).sum(axis=0))
     size = np.abs(last.poles)
-    inside = np.flatnonzero(
-        (size >= omega[0]) & (size <= omega[-1]) & (np.arange(count) < len(starts))
-    )
+    inside = np.flatnonzero((size >= omega[0]) & (size <= omega[-1]) & (np.arange(count) < starts))
     inside = inside[np.argsort(size[inside], kind="stable")]
     own = np.concatenate([inside, count + inside])
     dof = float((2 * lines - 2 * count - BEYOND) * values.shape[1] - 2 * count)

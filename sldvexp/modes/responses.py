@@ -95,6 +95,8 @@ class Responses:
             own = image["frequency"].values if "frequency" in image.dims else np.zeros(0)
             if own.shape != lines.shape or not np.allclose(own, lines, rtol=SAME_LINE, atol=0):
                 raise UserError(f"view {name}: has other lines than view {first}")
+        if not any((image["flags"].values == 0).any() for image in images.values()):
+            raise UserError("there is no pixel without a flag in any view")
         place = np.argsort(lines, kind="stable")
         if band is not None:
             low, high = band

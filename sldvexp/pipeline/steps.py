@@ -210,19 +210,30 @@ def _modes(run: Run) -> None:
     run.tree[f"{VERDICT}/modes"] = findings_to_dataset(found.findings)
 
 
+def _model_in_place(run: Run) -> None:
+    """Read a finite element model, and see whether it is where the structure is."""
+    e = run.experiment
+    run.inputs += e.model.inputs()
+    if e.modal is None:
+        raise UserError("model: needs the modes of the structure to be tested; choose modal=own")
+    if e.laser is None:
+        raise UserError("model: needs a laser, whose beams tell where pixels meet it")
+    try:
+        models.placing.check_place(e.model.model(), run.tree)
+    except UserError as error:
+        raise UserError(f"model: {error}") from None
+
+
 def _model(run: Run) -> None:
     """Put a finite element model to the test by the measured modes."""
     e = run.experiment
-    run.inputs += e.model.inputs()
-    if e.laser is None:
-        raise UserError("model: needs a laser, whose beams tell where pixels meet it")
     images = {k.removeprefix("image/"): v for k, v in run.tree.items() if k.startswith("image/")}
     try:
-        found = models.examine_model(run.tree, e.laser, e.model)
+        found = models.estimate.examine_model(run.tree, e.laser, e.model)
     except UserError as error:
         raise UserError(f"model: {error}") from None
-    run.tree |= models.model_to_datasets(found, images)
-    run.tree[f"{VERDICT}/model"] = findings_to_dataset(models.findings_about(found))
+    run.tree |= models.result.model_to_datasets(found, images)
+    run.tree[f"{VERDICT}/model"] = findings_to_dataset(models.wording.findings_about(found))
 
 
 def _point(run: Run) -> None:
@@ -416,6 +427,13 @@ STEPS: tuple[Step, ...] = (
     Step(TARGET, lambda e: e.target is not None, _target, makes=("target",)),
     # Before anything is measured: an unsound volume should not cost a morning's scan.
     Step(VOLUME, lambda e: e.volume is not None, _volume, makes=("volume",), reads=("volume",)),
+    Step(
+        "place of the model",
+        lambda e: e.model is not None,
+        _model_in_place,
+        makes=(),
+        needs=("volume",),
+    ),
     Step(
         SCAN,
         lambda e: bool(e.scan or e.compare_scan),

@@ -1,3 +1,4 @@
+from . import circle_lines as circle_lines
 from . import figure as figure
 from . import files as files
 from .planned import StandPlan as StandPlan

@@ -18,6 +18,7 @@ from sldvexp.config.experiment import SINGLE_GROUPS
 from sldvexp.config.own_files import choice_text, own_path, write_own, wrong_name
 from sldvexp.config.sources import Origins
 from sldvexp.errors import UserError
+from sldvexp.planner.circle_lines import fit_stride
 from sldvexp.planner.images import Stand
 from sldvexp.planner.planned import StandPlan
 
@@ -149,6 +150,9 @@ def _put_views(values: dict[str, Any], plan: StandPlan, plugins: Mapping[str, st
         if kind in ("calibration", "rectangle") and scan is not None:
             new = circles if kind == "calibration" else corners
             scan["views"] = {**(scan["views"] if stays else {}), **new}
+    if plugins.get("scan") in ("session", "calibration"):
+        whole = values["scan"]
+        fit_stride(whole.get("calibration", whole), plan.added, plan.place)
     if values.get("scene") is not None:
         values["scene"]["views"] = {**(values["scene"]["views"] if stays else {}), **poses}
     if plugins.get("pose") == "given" and not values["pose"]["path"]:

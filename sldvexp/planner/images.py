@@ -18,7 +18,7 @@ from sldvexp.laser import direction_cosines
 from sldvexp.planner.aim import aimed, angles_of
 from sldvexp.planner.expected import empty_view
 from sldvexp.planner.place import Place, crosses
-from sldvexp.scan.lines import rectangle, strided
+from sldvexp.scan.lines import half_chords, rectangle, strided
 from sldvexp.scan.rectangle import Rectangle
 from sldvexp.scan.session import Session
 from sldvexp.typing import Array, IntArray
@@ -69,13 +69,23 @@ def stand_at(name: str, origin: Array, place: Place) -> Stand:
 
 def known_stand(name: str, origin: Array, look_at: Array, rotation: Array, place: Place) -> Stand:
     """Take an instrument as it stands."""
-    edge = _dac(origin, rotation, place.outline, place)
+    told = len(place.region) > 0
+    edge = _dac(origin, rotation, place.region if told else place.outline, place)
     low, high = edge.min(axis=0), edge.max(axis=0)
-    widen = BESIDE * (high - low)
+    widen = (0.0 if told else BESIDE) * (high - low)
     (a, b), (c, d) = np.floor(low - widen).astype(int), np.ceil(high + widen).astype(int)
     corners = np.clip([[a, b], [a, d], [c, d], [c, b]], *place.laser.board.value)
     circles = np.rint(_dac(origin, rotation, place.marks.centres, place)).astype(int)
     return Stand(name, origin, look_at, rotation, corners, circles)
+
+
+def half_chords_of(stand: Stand, place: Place, lines: int) -> Array:
+    """Find how far each circle reaches along each scan line, shape (circle, line), steps."""
+    if place.marks.circles is None:
+        return np.zeros((0, lines))
+    outlines = place.marks.circles.outlines()
+    steps = [_dac(stand.origin, stand.rotation, outline, place) for outline in outlines]
+    return np.array([half_chords(outline, lines) for outline in steps])
 
 
 def _dac(origin: Array, rotation: Array, points: Array, place: Place) -> Array:

@@ -3,7 +3,8 @@
 A node of the surface is seen if it faces the stand within the incidence allowed, nothing stands in
 between, the mirrors reach it, and it is neither too near nor too far. A stand is refused as a whole
 if it is outside of the room or in a forbidden part of it, or does not see the whole calibration
-object, from whose circles its pose is found.
+object, from whose circles its pose is found, as where one of them hides another, or if it does not
+reach a corner of the region that is to be scanned.
 """
 
 from __future__ import annotations
@@ -21,7 +22,10 @@ from sldvexp.field.visibility.view import View
 from sldvexp.laser import TwoMirror
 from sldvexp.lazy import scipy
 from sldvexp.planner.aim import angles_of, limits
-from sldvexp.targets import Circles, Target
+from sldvexp.scan import Scan
+from sldvexp.scan.rectangle import Rectangle
+from sldvexp.scan.session import Session
+from sldvexp.targets import Circles, Target, hidden_behind_circles, shaded
 from sldvexp.typing import Array, BoolArray, IntArray
 from sldvexp.volume import Prisms, Volume
 
@@ -49,6 +53,10 @@ class Unseen(IntEnum):
     target_mirrors = 10
     target_incidence = 11
     target_blocked = 12
+    behind_target = 13
+    target_hidden = 14
+    rim_behind_target = 15
+    region_mirrors = 16
 
     @property
     def told(self) -> str:
@@ -70,6 +78,10 @@ _TOLD = {
     Unseen.target_mirrors: "calibration object beyond the mirrors",
     Unseen.target_incidence: "calibration object too oblique",
     Unseen.target_blocked: "calibration object behind a forbidden box",
+    Unseen.behind_target: "hidden by the calibration object",
+    Unseen.target_hidden: "a circle of the calibration object hidden by another one",
+    Unseen.rim_behind_target: "the structure beside the surface hidden by the calibration object",
+    Unseen.region_mirrors: "a corner of the scanned region beyond the mirrors",
 }
 
 #: Settings that each reason comes from, for messages.
@@ -86,6 +98,10 @@ SETTING_OF = {
     Unseen.target_mirrors: "plan.room.mirrors with the calibration object",
     Unseen.target_incidence: "plan.room.incidence with the calibration object",
     Unseen.target_blocked: "plan.room.forbidden with the calibration object",
+    Unseen.behind_target: "the shape of the calibration object",
+    Unseen.target_hidden: "the shape of the calibration object",
+    Unseen.rim_behind_target: "volume.margin with the shape of the calibration object",
+    Unseen.region_mirrors: "plan.room.mirrors with corners_at of the scanned region",
 }
 
 
@@ -100,17 +116,20 @@ class TargetMarks:
         Zero where a mark is seen from everywhere.
     centres : ndarray, shape (circle, 3), m
         Of its circles, which a scan is told of; none of other objects.
+    circles : Circles, optional
+        The object, if it has circles.
     """
 
     position: Array
     normal: Array
     centres: Array
+    circles: Circles | None = None
 
     @classmethod
     def from_target(cls, target: Target | None) -> TargetMarks:
         """Take the rims of circles, or the points of any other object."""
         if target is None:
-            return cls(*(np.zeros((0, 3)) for _ in range(3)))
+            return cls(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros((0, 3)))
         if not isinstance(target, Circles):
             position = target.points().position
             return cls(position, np.zeros_like(position), np.zeros((0, 3)))
@@ -126,7 +145,20 @@ class TargetMarks:
             rims.append(centre + circle.diameter / 2 * ring)
             normals.append(np.broadcast_to(axes[2], ring.shape))
         unit = target.unit.value
-        return cls(unit * np.concatenate(rims), np.concatenate(normals), unit * np.array(centres))
+        rim, normal = unit * np.concatenate(rims), np.concatenate(normals)
+        return cls(rim, normal, unit * np.array(centres), target)
+
+    def hides(self, origins: Array, points: Array) -> BoolArray:
+        """Tell which points the circles hide from stands, (stand, point)."""
+        if self.circles is None:
+            return np.zeros((len(origins), len(points)), bool)
+        return np.asarray(hidden_behind_circles(origins, points, self.circles).any(axis=2))
+
+    def hide_themselves(self, origins: Array) -> BoolArray:
+        """Tell from which stands a circle is hidden by another one, (stand,)."""
+        if self.circles is None or len({c.plane for c in self.circles.circles.values()}) == 1:
+            return np.zeros(len(origins), bool)
+        return np.asarray(shaded(origins, self.circles).any(axis=(1, 2)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,11 +172,14 @@ class Place:
     frame : ndarray, shape (node, 3, 3)
     outline : ndarray, shape (point, 3), m
         Corners of all that is imaged: the volume's outermost layers and their margin.
+    region : ndarray, shape (corner, 3), m
+        Corners of the region that the scan is told of in the world; none without.
     """
 
     nodes: Array
     frame: Array
     outline: Array
+    region: Array
     marks: TargetMarks
     laser: TwoMirror
     room: PlanRoom
@@ -153,8 +188,13 @@ class Place:
     clearance: float | None
 
     @classmethod
-    def from_experiment(cls, experiment: Experiment) -> Place:
+    def from_experiment(cls, experiment: Experiment, new_stands: bool = True) -> Place:
         """Take the object and its room from a configuration.
+
+        Parameters
+        ----------
+        new_stands : bool
+            Whether limits of the room that nothing says are the usual ones, or none.
 
         Raises
         ------
@@ -171,14 +211,16 @@ class Place:
             raise UserError("plan: there is no laser, whose mirrors limit where it can stand")
         prisms = volume.prisms()
         marks = TargetMarks.from_target(experiment.target)
-        grazing = np.cos(np.radians(experiment.plan.room.incidence))
+        room = experiment.plan.room
+        grazing = np.cos(np.radians(room.incidence))
         place = cls(
             prisms.surface,
             prisms.frame,
             outline_of(prisms, volume.unit.value * volume.margin),
+            region_of(experiment.scan),
             marks,
             experiment.laser,
-            experiment.plan.room,
+            room.for_new_stands() if new_stands else room,
             volume.sight.both_sides,
             prisms,
             float(np.ptp(prisms.depth)) / 2 / grazing
@@ -196,7 +238,7 @@ class Place:
     @property
     def to_be_seen(self) -> Array:
         """Points that beams of every stand must reach together, shape (point, 3), m."""
-        return np.concatenate([self.outline, self.marks.position])
+        return np.concatenate([self.outline, self.region, self.marks.position])
 
     def with_nodes(self, chosen: IntArray) -> Place:
         """Keep some nodes only."""
@@ -224,7 +266,7 @@ class Place:
         """Find the nodes that each limit costs each stand, (stand, node); the first counts."""
         way = origins[:, None] - self.nodes[None]
         distance = np.linalg.norm(way, axis=-1)
-        nearest, farthest = self.room.distance
+        nearest, farthest = self.room.distance or (0.0, np.inf)
         cosine = np.einsum("sni,ni->sn", way, self.frame[:, 2]) / distance
         cosine = np.abs(cosine) if self.both_sides else cosine
         found = {
@@ -234,7 +276,10 @@ class Place:
             Unseen.far: distance > farthest,
             Unseen.mirrors: self._beyond(origins, rotations, self.nodes),
         }
-        return found | {Unseen.blocked: self._blocked(origins, self.nodes)}
+        return found | {
+            Unseen.blocked: self._blocked(origins, self.nodes),
+            Unseen.behind_target: self.marks.hides(origins, self.nodes),
+        }
 
     def refusals(self, origins: Array, rotations: Array) -> dict[Unseen, BoolArray]:
         """Find the stands that each limit refuses as a whole, (stand,); the first counts."""
@@ -248,6 +293,9 @@ class Place:
             Unseen.target_incidence: oblique.any(axis=1),
             Unseen.target_mirrors: self._beyond(origins, rotations, marks.position).any(axis=1),
             Unseen.target_blocked: self._blocked(origins, marks.position).any(axis=1),
+            Unseen.target_hidden: marks.hide_themselves(origins),
+            Unseen.rim_behind_target: marks.hides(origins, self.outline).any(axis=1),
+            Unseen.region_mirrors: self._beyond(origins, rotations, self.region).any(axis=1),
         }
 
     def refusals_of_room(self, origins: Array) -> dict[Unseen, BoolArray]:
@@ -255,8 +303,8 @@ class Place:
         inside = np.zeros(len(origins), bool)
         for box in self.room.forbidden.values():
             inside |= np.all((origins > box.low) & (origins < box.high), axis=1)
-        low = [-np.inf if v is None else v for v in self.room.low]
-        high = [np.inf if v is None else v for v in self.room.high]
+        low = [-np.inf if v is None else v for v in self.room.low or (None,) * 3]
+        high = [np.inf if v is None else v for v in self.room.high or (None,) * 3]
         outside = np.any((origins < low) | (origins > high), axis=1)
         return {Unseen.outside: outside, Unseen.forbidden: inside}
 
@@ -355,6 +403,14 @@ class StandExamination:
         """Put the stands of another behind these."""
         pairs = zip(vars(self).values(), vars(other).values(), strict=True)
         return StandExamination(*(np.concatenate(pair) for pair in pairs))
+
+
+def region_of(scan: Scan | None) -> Array:
+    """Find the corners of the region to scan that is told in the world, shape (corner, 3), m."""
+    part = scan.structure if isinstance(scan, Session) else scan
+    if not isinstance(part, Rectangle):
+        return np.zeros((0, 3))
+    return np.array(part.corners_at, float).reshape(-1, 3) * part.unit.value
 
 
 def outline_of(prisms: Prisms, margin: float) -> Array:

@@ -136,20 +136,23 @@ def plan(experiment: Experiment) -> StandPlan:
     (['1', '2', '3', '4', '5'], 0)
     """
     task = _Task.of(experiment, NOBODY)
-    settings = experiment.plan
-    if settings.wanted is None:
+    settings, wanted = experiment.plan, experiment.plan.in_si("wanted")
+    if wanted is None:
         return task.planned(settings.stands)
     by_count: dict[int, float] = {}
     for count in range(FEWEST_STANDS, MOST_STANDS + 1):
         by_count[count] = task.estimated(count)
-    enough = [n for n, bound in by_count.items() if bound <= settings.wanted]
+    enough = [n for n, bound in by_count.items() if bound <= wanted]
     for count in (n for n in by_count if n >= min(enough, default=MOST_STANDS)):
         found = task.planned(count)
-        if found.asked <= settings.wanted:
+        if found.asked <= wanted:
             return replace(found, by_count=by_count | {count: found.asked})
+    ratio = found.asked / wanted
     raise UserError(
-        f"plan.wanted: {MOST_STANDS} stands reach {1e3 * found.asked:.3g} mm/s, not "
-        f"{1e3 * settings.wanted:.3g} mm/s; sample each pixel longer, or take more pixels"
+        f"plan.wanted={settings.wanted:g}: {1e3 * wanted:.3g} mm/s is out of reach: "
+        f"{MOST_STANDS} stands, the most, reach {1e3 * found.asked:.3g} mm/s, {ratio:.3g} times as "
+        f"much; with {ratio**2:.2g} times the samples a pixel or the pixels it is within reach; "
+        f"plan.unit is {settings.unit.name}"
     )
 
 
@@ -211,7 +214,7 @@ def check_stands(experiment: Experiment, run: RunData | None = None) -> StandPla
 
 
 def _given(experiment: Experiment, run: RunData | None) -> GivenStands:
-    place = Place.from_experiment(experiment)
+    place = Place.from_experiment(experiment, new_stands=False)
     if run is None:
         return done.of_experiment(experiment, place)
     return done.of_run(run, experiment, place)
@@ -235,7 +238,7 @@ class _Task:
 
     @classmethod
     def of(cls, experiment: Experiment, given: GivenStands) -> _Task:
-        place = Place.from_experiment(experiment)
+        place = Place.from_experiment(experiment, new_stands=False)
         settings = experiment.plan
         gage = PlannedGage.from_ends(settings.gage, place)
         chosen = spread(place.nodes, NODES_FOR_SEARCH)
@@ -250,7 +253,7 @@ class _Task:
             whole = replace(Goal.evenly(wanted, settings.criterion), weight=weight)
             goal = whole.of_nodes(chosen)
         rng = np.random.default_rng(experiment.seed)
-        thinned = place.with_nodes(chosen)
+        thinned = Place.from_experiment(experiment).with_nodes(chosen)
         return cls(experiment, given, place, thinned, chosen, whole, goal, gage, rng)
 
     def estimated(self, count: int) -> float:
@@ -262,7 +265,7 @@ class _Task:
             self.fewest = self.planned(FEWEST_STANDS)
         first = self.fewest
         factor = first.goal.factor[self.chosen]
-        goal, begun = self.goal.with_factor(factor), self._looks_of_given(self.thinned)
+        goal, begun = self.goal.with_factor(factor), self._looks_of_given()
         assert self.found is not None
         looks = self.found.examined.looks
         chosen = exchange(goal, looks, greedy(goal, looks, count, begun), begun)
@@ -282,7 +285,7 @@ class _Task:
         if self.found is None:
             wanted = self.experiment.plan.candidates
             self.found = candidates(self.thinned, wanted, self.rng)
-        begun = self._looks_of_given(self.thinned)
+        begun = self._looks_of_given()
         looks, least = self.found.examined.looks, self.found.least
         chosen = exchange(self.goal, looks, greedy(self.goal, looks, count, begun), begun)
         stands = self.found.examined.take(chosen)
@@ -335,11 +338,11 @@ class _Task:
             gage=self.gage,
         )
 
-    def _looks_of_given(self, place: Place) -> Array:
-        """Give directions from which the given stands see the nodes."""
-        if not self.given.stands:
+    def _looks_of_given(self) -> Array:
+        """Give directions from which the given stands see the nodes that are searched on."""
+        place, stands = self.place.with_nodes(self.chosen), self.given.stands
+        if not stands:
             return np.zeros((0, len(place.nodes), 3))
-        stands = self.given.stands
         return place.examine(
             np.array([s.origin for s in stands]), np.array([s.rotation for s in stands])
         ).looks
@@ -378,7 +381,7 @@ def _pixel_noise(experiment: Experiment) -> float:
 
     Of real and imaginary part each it is ``sqrt(2 / n)`` times the noise of a sample.
     """
-    rms = experiment.plan.noise
+    rms = experiment.plan.in_si("noise")
     if rms is None and experiment.scene is not None:
         vibrometer = experiment.scene.noisy_vibrometer
         rms = vibrometer.noise * vibrometer.full_scale

@@ -93,7 +93,7 @@ def _drawn(place: Place, rng: np.random.Generator) -> Array:
     first /= np.linalg.norm(first)
     axes = np.stack([first, np.cross(pole, first), pole])
     ball = np.stack([sine * np.cos(turn), sine * np.sin(turn), cosine], axis=1)
-    nearest, farthest = place.room.distance
+    nearest, farthest = place.room.for_new_stands().distance
     radius = rng.uniform(nearest, farthest, AT_ONCE)
     return np.asarray((place.middle + radius[:, None] * ball @ axes).round(DECIMALS))
 

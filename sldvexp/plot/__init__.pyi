@@ -9,6 +9,7 @@ from .image_points import bitangents as bitangents
 from .image_points import pose_residuals as pose_residuals
 from .image_points import repeatability as repeatability
 from .line_scans import scan_lines as scan_lines
+from .model_pixels import model_shapes as model_shapes
 from .moving_shape import MovingShape as MovingShape
 from .moving_shape import size_colours as size_colours
 from .nodal_values import nodal as nodal

@@ -21,6 +21,7 @@ from sldvexp.errors import UserError, nearest
 from sldvexp.instrument.person import Mark, Steps, mark_label
 from sldvexp.laser import TwoMirror
 from sldvexp.pose.base import PoseMethod
+from sldvexp.pose.bundle import Bundle
 from sldvexp.pose.few_points import AGREE, FLAT, contradiction_of, is_flat, joined
 from sldvexp.pose.manual import Manual
 from sldvexp.pose.outliers import MatchedPoints
@@ -382,7 +383,8 @@ def aiming_at_marks(laser: TwoMirror, method: PoseMethod | None, marks: Sequence
     (['mark 3'], 2.0)
     """
     places = [AimingPlace(mark_label(mark.number), mark.position, mark.std) for mark in marks]
-    return Aiming(laser, places, method.pointing if isinstance(method, Manual) else POINTING)
+    own = method.pointing if isinstance(method, Manual | Bundle) else POINTING
+    return Aiming(laser, places, own)
 
 
 def _metres(origin: Array) -> str:

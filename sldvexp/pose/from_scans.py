@@ -14,7 +14,7 @@ from sldvexp.laser import TwoMirror
 from sldvexp.lazy import xarray as xr
 from sldvexp.pose.circle_images import CircleImages, match_images, registration_table
 from sldvexp.pose.from_points import FromPoints, no_pose
-from sldvexp.pose.pointing import pointing_findings
+from sldvexp.pose.pointing import mirror_findings, pointing_findings
 from sldvexp.pose.single_view import solve_points
 from sldvexp.pose.wiring import check_wiring, phase_notes
 from sldvexp.session.circles import edges_of
@@ -98,9 +98,10 @@ class FromScans(FromPoints):
         """Say what to mind about the images of all views."""
         return phase_notes(images)
 
-    def findings(self, images: Sequence[CircleImages]) -> list[Finding]:
+    def findings(self, images: Sequence[CircleImages], laser: TwoMirror) -> list[Finding]:
         """Say what the edges of all views tell about the mirrors and the circles."""
-        return [f for i in images for f in pointing_findings(i.view, i.pointing, i.match.ellipse)]
+        own = [f for i in images for f in pointing_findings(i.view, i.pointing, i.match.ellipse)]
+        return [*mirror_findings({i.view: i.pointing for i in images}, laser), *own]
 
 
 def with_pointing(pose: xr.Dataset, images: Sequence[CircleImages]) -> xr.Dataset:

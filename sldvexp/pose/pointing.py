@@ -36,6 +36,8 @@ from sldvexp.typing import Array
 UNLIKELY = 1e-4
 #: Probability that circles which are alike are found to differ: 1 % in a session of five views.
 FALSE_ALARM = 0.002
+#: Standard deviation of edges that galvanometers in good order point at again, rad.
+IN_GOOD_ORDER = 10e-6
 #: Edges so many times as noisy as those of the view's median circle are named.
 MUCH = 2.0
 #: Rounds in which noise and rejected outliers settle, and how closely, relative to an edge's error.
@@ -360,26 +362,46 @@ def lack_of_fit(pointing: Sequence[Pointing], square: float, freedom: float) -> 
     return statistic, float(scipy.special.fdtrc(added, free, max(statistic, 0.0)))
 
 
+def mirror_findings(found: Mapping[str, Pointing], laser: TwoMirror) -> Iterator[Finding]:
+    """Say once in which views the mirrors point worse than mirrors in good order do, and how much.
+
+    Parameters
+    ----------
+    found : mapping of str to Pointing
+        By the views' names.
+    laser : TwoMirror
+        Its ``pointing_std`` is expected, where it is said.
+    """
+    angle = float(laser.step.mean())
+    expected = max(IN_GOOD_ORDER / angle, laser.pointing_std)
+    shaky = {v: p for v, p in found.items() if p.stated < UNLIKELY and p.whole > expected}
+    if not shaky:
+        return
+    sizes = sorted(p.whole for p in shaky.values())
+    names = f"view{'s' if len(shaky) > 1 else ''} {', '.join(shaky)}"
+    wide = f"{sizes[0]:.2g} to {sizes[-1]:.2g}" if len(shaky) > 1 else f"{sizes[0]:.2g}"
+    yield Finding(
+        "pointing",
+        names,
+        f"{names}: the edges scatter by {wide} DAC steps rms more than their noise explains, at "
+        f"most {1e6 * angle * sizes[-1]:.2g} microrad or {1e3 * angle * sizes[-1]:.2g} mm at 1 m, "
+        f"where mirrors in good order repeat within {1e6 * angle * expected:.2g}; edges are "
+        "weighed accordingly, and the bounds have it in them",
+        Severity.note,
+        p_value=min(p.stated for p in shaky.values()),
+        size=sizes[-1],
+    )
+
+
 def pointing_findings(view: str, found: Pointing, ellipse: Mapping[int, int]) -> Iterator[Finding]:
-    """Say how large a view's pointing noise is, where it is larger, and what is no noise.
+    """Say of a view's circles which are noisier than the others, and which are no ellipses.
 
     Parameters
     ----------
     ellipse : mapping of int to int
         Place of each circle in `found`, by its number.
     """
-    where, whole = f"view {view}", found.whole
-    if whole > 0 and found.stated < UNLIKELY:
-        yield Finding(
-            "pointing",
-            where,
-            f"{where}: the edges scatter by {whole:.2g} DAC steps rms more than their noise "
-            "explains, as where mirrors do not come to rest twice in one place; edges are weighed "
-            "accordingly, and the bounds have it in them",
-            Severity.note,
-            p_value=found.stated,
-            size=whole,
-        )
+    where = f"view {view}"
     middle = float(np.median(found.noise))
     for number, place in ellipse.items():
         if found.differ < FALSE_ALARM and found.noise[place] > MUCH * middle:

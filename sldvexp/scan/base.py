@@ -67,7 +67,7 @@ class Sampling:
     decay : float, s
         Time constant of a hammer's exponential window; 0 for none.
     records : int
-        That are averaged; with signal=sine_fit a pixel has one, whatever this says.
+        That are averaged; of a sine a pixel has one, whatever this says.
     lead : int, optional
         Records that are let go by after each move, before the first that counts; without it one of
         a signal that repeats, in which what the generator's start set off dies, and else none.
@@ -76,7 +76,8 @@ class Sampling:
         How many records of a pixel may be taken again in the place of those that an overload, a
         lost signal or a missed trigger spoilt.
     spare : float, s
-        Time at the end of each view in which pixels of the worst coherence are measured once more.
+        Time for samples at the end of each view, in which pixels of the worst coherence are
+        measured once more.
     """
 
     rate: float = 25600.0

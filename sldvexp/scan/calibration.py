@@ -206,9 +206,12 @@ class CalibrationScan(ScanPart):
         usual = max(1, round((high - low) / CONTIGUOUS))
         coarse = np.full(self.coarse.lines, self.coarse.stride or usual)
         if half_chord is not None and self.coarse.stride is None:
-            coarse = np.ceil(SPAN * half_chord / (self.coarse.pixels // 2)).astype(np.int64)
-            coarse = np.maximum(coarse, 1)
+            coarse = self.strides_across(half_chord)
         return coarse, self.fine.stride or max(usual, -(-int(coarse.max()) // COARSER))
+
+    def strides_across(self, half_chord: Array) -> IntArray:
+        """Choose strides with which coarse lines reach well beyond a circle, shape (line,)."""
+        return np.maximum(np.ceil(SPAN * half_chord / (self.coarse.pixels // 2)), 1).astype(int)
 
     def centres(self, view: str) -> IntArray:
         """Return rough centres of a view's circles, shape (circle, 2), steps."""

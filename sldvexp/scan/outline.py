@@ -24,8 +24,8 @@ from sldvexp.scan.calibration import MOST_PIXELS, EdgeMethod
 from sldvexp.typing import Array, IntArray
 from sldvexp.units import LengthUnit
 
-#: Extent of a part over its distance, beyond which no instrument sees an outline.
-SEEN = (0.01, 1.5)
+#: Extent of a part over its distance, and that distance in m, between which one sees an outline.
+SEEN, POSSIBLE = (0.01, 1.5), (0.05, 30.0)
 
 
 @dataclass
@@ -91,7 +91,8 @@ def _is_seen(position: Array, origin: Array) -> bool:
     """Tell whether an outline of this size can be scanned from a place."""
     extent = float(np.ptp(position, axis=0).max())
     distance = float(np.linalg.norm(position.mean(axis=0) - origin))
-    return SEEN[0] * distance < extent < SEEN[1] * distance
+    near = POSSIBLE[0] < distance < POSSIBLE[1]
+    return near and SEEN[0] * distance < extent < SEEN[1] * distance
 
 
 @dataclass

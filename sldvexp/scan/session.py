@@ -15,6 +15,7 @@ from sldvexp.laser import TwoMirror
 from sldvexp.scan.base import Scan, ScanPart, check_rough_pose
 from sldvexp.scan.by_hand import ByHand
 from sldvexp.scan.calibration import CalibrationScan, Centres
+from sldvexp.scan.outline import OutlineScan, OutlineView
 from sldvexp.scan.pixel_list import PixelList
 from sldvexp.scan.rectangle import Rectangle, ScanRegion
 from sldvexp.targets import Target
@@ -38,16 +39,20 @@ class Session(Scan):
         The images of views that `structure` does not have.
     marks : ByHand
         Where the instrument stands, as a person finds it.
+    outline : OutlineScan
+        Where the instrument stands, by the outline of the part itself.
     poses : dict of str to KnownPose
         Rough poses of views, once for all parts: of these views `calibration` finds the circles,
-        unless `marks` has the view, which then begin where they are predicted, and `structure`
-        images the region of its `corners_at`.
+        unless `marks` has the view, which then begin where they are predicted, or `outline` has a
+        mesh, whose outline is scanned instead, and `structure` images the region of its
+        `corners_at`.
     """
 
     calibration: CalibrationScan = field(default_factory=CalibrationScan)
     structure: Rectangle = field(default_factory=Rectangle)
     pixels: PixelList = field(default_factory=PixelList)
     marks: ByHand = field(default_factory=ByHand)
+    outline: OutlineScan = field(default_factory=OutlineScan)
     poses: dict[str, KnownPose] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -93,7 +98,10 @@ class Session(Scan):
     def _parts(self) -> dict[str, ScanPart]:
         """Name the parts by the names of their fields, with entries of views of rough poses."""
         found, marked = self.poses.items(), self.marks.views
-        circles = {view: Centres(pose=pose) for view, pose in found if view not in marked}
+        unmarked = [(view, pose) for view, pose in found if view not in marked]
+        outlined = bool(self.outline.path)
+        circles = {} if outlined else {view: Centres(pose=pose) for view, pose in unmarked}
+        outlines = {view: OutlineView(pose) for view, pose in unmarked} if outlined else {}
         regions = {
             view: ScanRegion(pose=pose)
             for view, pose in found
@@ -105,4 +113,5 @@ class Session(Scan):
             "structure": replace(self.structure, views=regions | self.structure.views),
             "pixels": self.pixels,
             "marks": replace(self.marks, views=marks),
+            "outline": replace(self.outline, views=outlines | self.outline.views),
         }

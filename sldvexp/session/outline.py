@@ -2,8 +2,8 @@
 
 Lines run outwards. On the part the velocity has an amplitude, behind it there is none; its sign
 differs from place to place with the mode's shape, so that every line is taken in phase with its own
-motion. Behind a part that hangs free no light comes back: if most pixels there are flagged and few
-on the part, the edge is where the light ends.
+motion. Behind a part that hangs free no light comes back: if most pixels there have dropped out and
+few on the part, the edge is where the light ends.
 """
 
 from __future__ import annotations
@@ -29,6 +29,7 @@ from sldvexp.session.circles import (
     require_instrument,
 )
 from sldvexp.signal import ComplexImage
+from sldvexp.signal.instrument_faults import without_light
 from sldvexp.typing import Array, BoolArray, IntArray
 
 #: Of the lines in the journal.
@@ -38,7 +39,7 @@ LEAST = 10
 #: Attributes of ``edge/<view>``: the part's mesh and its unit, and the rough pose.
 PART, PART_UNIT = "part", "part_unit"
 ROUGH_ROTATION, ROUGH_ORIGIN = "rough_rotation", "rough_origin"
-#: Shares of flagged pixels behind a part and on it from which the light tells the edge.
+#: Shares of pixels without light behind a part and on it, from which the light tells the edge.
 DARK, LIT = 0.7, 0.3
 
 
@@ -125,9 +126,10 @@ def outline_scan_lines(image: ComplexImage, dac: IntArray, name: str) -> ScanLin
     """
     shape = dac.shape[:2]
     flag = (image.flags != 0).reshape(shape)
-    if _is_light(flag):
+    dark = without_light(image).reshape(shape)
+    if _is_light(dark):
         return ScanLines(
-            np.where(flag, 0.0, 1.0),
+            np.where(dark, 0.0, 1.0),
             np.full(shape, 0.05),
             dac.astype(float),
             np.zeros(shape, bool),
@@ -143,10 +145,10 @@ def outline_scan_lines(image: ComplexImage, dac: IntArray, name: str) -> ScanLin
     return replace(common, magnitude=np.where(turned[:, None], -in_phase, in_phase))
 
 
-def _is_light(flag: BoolArray) -> bool:
-    """Tell whether flagged pixels lie behind the part: in the outer thirds of the lines."""
-    third = flag.shape[1] // 3
-    return bool(flag[:, -third:].mean() > DARK and flag[:, :third].mean() < LIT)
+def _is_light(dark: BoolArray) -> bool:
+    """Tell whether pixels without light lie behind the part: in the outer thirds of the lines."""
+    third = dark.shape[1] // 3
+    return bool(dark[:, -third:].mean() > DARK and dark[:, :third].mean() < LIT)
 
 
 def outward_edges(edges: ScanLineEdges) -> ScanLineEdges:

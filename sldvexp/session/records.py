@@ -2,9 +2,9 @@
 
 Of a scan line nothing stays but the sums of its records (`sldvexp.signal.ResponseSums`), 32 bytes a
 pixel and line. A record that is over range, has lost its light or missed its trigger is left out
-and taken again, up to a limit for each pixel. At the end of a view those pixels are measured once
-more whose coherence is worst, as long as there is time: all records of a pixel are alike, so that
-its error goes with one over the root of their number.
+and taken again, up to a limit for each pixel, unless no record of the pixel is good. At the end of
+a view those pixels are measured once more whose coherence is worst, as long as there is time: all
+records of a pixel are alike, so that its error goes with one over the root of their number.
 """
 
 from __future__ import annotations
@@ -13,9 +13,11 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sldvexp.errors import UserError
-from sldvexp.instrument import Acquisition, Instrument, RawSamples
+from sldvexp.instrument import Acquisition, Instrument, RawSamples, Status
+from sldvexp.instrument.protocol import CHANNELS
 from sldvexp.instrument.recording import TellsSums
 from sldvexp.scan import Sampling
 from sldvexp.signal import Response, ResponseSums
@@ -27,6 +29,8 @@ HELD = 2**21
 AGAIN = 2**32
 #: Largest relative difference of the rate that was set from the one that was asked for.
 RATE = 1e-6
+#: Coherence over that of noise, up to which nothing moves.
+NOTHING = 2.0
 #: Pixels of a line that is measured once more.
 ONCE_MORE = 25
 
@@ -84,7 +88,7 @@ class Averaging:
         wanted, left = self.acquisition.records, self.again
         for round_ in range(1, self.again + 1):
             missing = wanted - sums.count
-            few = np.flatnonzero(missing > 0)
+            few = np.flatnonzero((missing > 0) & (sums.count > 0))  # others are beside everything
             if not len(few) or left <= 0:
                 break
             records = int(min(missing[few].min(), left))
@@ -109,11 +113,26 @@ class Averaging:
             samples = instrument.scan(piece, stream=stream if first == 0 else None)
             _require_as_asked(samples, acquisition, len(piece))
             shape = (len(piece), acquisition.records)
-            counts = samples.counts.reshape(*shape, *samples.counts.shape[1:])
-            good = samples.status.reshape(shape) == 0 if len(samples.status) else None
+            counts = _as_told(samples).reshape(*shape, *samples.counts.shape[1:])
+            lost = samples.status & Status.dropped_out
+            good = (lost == 0).reshape(shape) if len(lost) else None
             volts = samples.volts_per_count
             found.append(self.signal.sums(counts, design, volts_per_count=volts, good=good))
         return ResponseSums.concatenated(found)
+
+
+def _as_told(samples: RawSamples) -> NDArray[np.int16]:
+    """Let samples show what the instrument says of their records: over range, or no trigger.
+
+    Faults of records are then found, and named, in one way, whether it says so or not.
+    """
+    over, missed = (samples.status & s != 0 for s in (Status.over_range, Status.untriggered))
+    if not (over.any() or missed.any()):
+        return samples.counts
+    counts = samples.counts.copy()
+    counts[over] = np.iinfo(counts.dtype).max
+    counts[missed, CHANNELS.index("reference")] = 0
+    return counts
 
 
 def _require_as_asked(samples: RawSamples, acquisition: Acquisition, pixels: int) -> None:
@@ -149,21 +168,25 @@ def worst_first(sums: ResponseSums) -> IntArray:
     """Order pixels by their coherence over all lines, the worst first, ties by their numbers.
 
     ``sum |Sxy|^2 / Sxx`` over ``sum Syy``: a line counts by how much moves at it, so that a node at
-    one line does not make a good pixel a bad one.
+    one line does not make a good pixel a bad one. Of n records of noise alone that is 1 / n; pixels
+    that have no more than `NOTHING` times this come last, for nothing moves there, or no light
+    comes back, and more records would not help.
 
     Examples
     --------
     >>> import numpy as np
     >>> from sldvexp.signal import ResponseSums
-    >>> sums = ResponseSums.zeros(2, [50.0])
-    >>> sums.add(np.ones((2, 2, 1)), [[[1.0], [1.0]], [[1.0], [-1.0]]])
+    >>> sums = ResponseSums.zeros(3, [50.0])
+    >>> still, rough = [[[-1.0], [1.0], [1.0], [-1.0]], [[1.0], [0.5], [1.5], [1.0]]]
+    >>> sums.add(np.ones((3, 4, 1)), [np.ones((4, 1)), still, rough])
     >>> worst_first(sums).tolist()
-    [1, 0]
+    [2, 0, 1]
     """
     with np.errstate(invalid="ignore", divide="ignore"):
         explained = np.nansum(np.abs(sums.sxy) ** 2 / sums.sxx, axis=1)
-        coherence = explained / sums.syy.sum(axis=1)
-    return np.argsort(np.nan_to_num(coherence), kind="stable")
+        coherence = np.nan_to_num(explained / sums.syy.sum(axis=1))
+    moves = coherence * sums.count > NOTHING
+    return np.argsort(np.where(moves, coherence, np.inf), kind="stable")
 
 
 def once_more(

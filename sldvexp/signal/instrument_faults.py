@@ -65,9 +65,8 @@ def instrument_fault(image: ComplexImage, share: float = MOST) -> str:
         )
     if many(Flag.reference_missing):
         return _no_reference(image, tones)
-    noise = np.where(flags & Flag.saturated == 0, image.velocity_fit.noise, 0.0)
-    if noise.any() and _ratio(noise[noise > 0]) > UNLIKE:
-        lost = noise > UNLIKE * np.percentile(noise[noise > 0], 10)
+    lost = without_light(image)
+    if lost.any():
         return (
             f"the light drops out in {int(lost.sum())} of {len(flags)} pixels; focus the beam, or "
             "make the surface reflect more"
@@ -78,6 +77,15 @@ def instrument_fault(image: ComplexImage, share: float = MOST) -> str:
             "closed, or the beam falls beside everything"
         )
     return ""
+
+
+def without_light(image: ComplexImage) -> BoolArray:
+    """Find pixels that are far noisier than the quietest ones, shape (pixel,)."""
+    saturated = image.flags & Flag.saturated != 0
+    noise = np.where(saturated, 0.0, image.velocity_fit.noise)
+    if not noise.any() or not _ratio(noise[noise > 0]) > UNLIKE:
+        return np.zeros(len(noise), bool)
+    return np.asarray(noise > UNLIKE * np.percentile(noise[noise > 0], 10))
 
 
 def moving(image: ComplexImage) -> BoolArray:

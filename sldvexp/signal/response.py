@@ -38,7 +38,7 @@ from sldvexp.signal.sine_fit import SineFit
 from sldvexp.typing import Array, ComplexArray, IntArray
 
 #: Samples that are transformed at once, for memory's sake.
-CHUNK_SAMPLES = 2**20
+CHUNK_SAMPLES = 2**18
 
 
 @dataclass(frozen=True, repr=False)

@@ -25,21 +25,17 @@ from __future__ import annotations
 import numpy as np
 
 from sldvexp.dataset import Finding, Severity
-from sldvexp.lazy import scipy
 from sldvexp.signal.excitation import BEFORE_PULSE, ExcitationKind, RecordDesign
 from sldvexp.signal.record_faults import RecordFault
-from sldvexp.signal.response_function import (
-    LEAST_RECORDS,
-    ResponseFunction,
-    response_function,
-)
+from sldvexp.signal.response_function import LEAST_RECORDS, response_function
 from sldvexp.signal.response_sums import ResponseSums
 from sldvexp.typing import Array, BoolArray, IndexArray
 
 #: Relative error of a response function that is worth a word.
 LEAST_ERROR = 0.01
-#: Residual power at a resonance over that of the median line, from which it is no noise.
-ABOVE_NOISE = 3.0
+#: Residual power at a resonance over that of the median line, from which it is no noise, whatever
+#: its colour.
+ABOVE_NOISE = 1.5
 #: Squared response of a resonance over that of the median line, pixels summed.
 RESONANT = 4.0
 #: Share of a burst's response that may be left at the record's end.
@@ -51,6 +47,8 @@ END = 0.05
 TAPER = 0.1
 #: An energy in its standard errors by chance, from which it is none.
 CLEAR = 5.0
+#: Pixels that are worked on at once, for memory's sake.
+PIXELS = 256
 #: Errors in standard errors: one that intervals miss, and one that they hold all the same.
 HIDDEN, NEGLIGIBLE = 2.0, 0.5
 #: Power at unexcited lines over the noise, from which it is distortion.
@@ -165,7 +163,9 @@ def _leakage(sums: ResponseSums, design: RecordDesign, view: str) -> list[Findin
     beyond = _noise_of_lines(sums, design)
     noise = min(float(np.median(rest)), beyond or np.inf)
     error = (rest - noise) / power
-    leaks = _resonances(response) & (rest > ABOVE_NOISE * noise) & (error > LEAST_ERROR)
+    by_chance = CLEAR / np.sqrt(np.maximum(sums.count - 1, 0).sum())
+    above = rest > max(ABOVE_NOISE, 1 + by_chance) * noise
+    leaks = _resonances(response) & above & (error > LEAST_ERROR)
     if not leaks.any():
         return []
     scatter = np.sqrt(rest / power / (2 * np.median(sums.count)))
@@ -174,7 +174,7 @@ def _leakage(sums: ResponseSums, design: RecordDesign, view: str) -> list[Findin
     seconds = float(record_for(1 - error[leaks], design).max())
     text = (
         f"in view {view} records of {design.record_seconds:.3g} s leak at "
-        f"{_named(sums.frequency[leaks])}: the coherence at these resonances is as low as "
+        f"{_named(sums.frequency[leaks])}: noise apart, the coherence at these is as low as "
         f"{1 - worst:.2f}, so that response functions are up to {100 * worst:.0f} % too small and "
         f"standard errors do not say so; take records of {seconds:.2g} s or a periodic excitation"
     )
@@ -184,9 +184,8 @@ def _leakage(sums: ResponseSums, design: RecordDesign, view: str) -> list[Findin
 
 def _tail(sums: ResponseSums, design: RecordDesign, view: str) -> list[Finding]:
     """Tell whether the response has died at the record's end, and how long that would take."""
-    found = response_function(sums.of_pixels(sums.count >= LEAST_RECORDS))
-    energy, noise = _impulse_energy(found)
-    count, pixels = len(energy), len(found.records)
+    energy, noise, response = _impulse_energy(sums)
+    count, pixels = len(energy), (sums.count >= LEAST_RECORDS).sum()
     burst = design.excitation.kind is ExcitationKind.burst_random
     room = (1 - design.excitation.burst) if burst else 1 - 2 * BEFORE_PULSE
     last = max(1, round(END * count))
@@ -196,8 +195,8 @@ def _tail(sums: ResponseSums, design: RecordDesign, view: str) -> list[Finding]:
     left = np.sqrt(max(end, 0.0) / whole) if whole > 0 else 0.0
     if left < QUIET_ENOUGH or end < CLEAR * noise / np.sqrt(last * pixels):
         return []
-    peaks = _resonances(np.asarray((np.abs(found.response) ** 2).sum(axis=0)))
-    scatter = float(np.median((found.std / np.abs(found.response))[:, peaks]))
+    found = response_function(sums.at(_resonances(response)))
+    scatter = float(np.nanmedian(found.std / np.abs(found.response)))
     seconds = design.record_seconds
     rate = max(np.log(before / end) / (2 * END) if before > end else 1.0, 1.0) / seconds
     wanted = seconds + np.log(left / QUIET_ENOUGH) / rate / room
@@ -211,12 +210,21 @@ def _tail(sums: ResponseSums, design: RecordDesign, view: str) -> list[Finding]:
     return [Finding("tail", f"view {view}", text, severity, size=float(left))]
 
 
-def _impulse_energy(found: ResponseFunction) -> tuple[Array, float]:
-    """Compute the squared impulse response by its lag, pixels summed, and its part of noise."""
-    taper = scipy.signal.windows.tukey(len(found.frequency), 2 * TAPER)
-    impulse = np.fft.ifft(found.response * taper, axis=1) * len(taper)
-    noise = float(np.sum(2 * (found.std * taper) ** 2))
-    return np.asarray((np.abs(impulse) ** 2).sum(axis=0)), noise
+def _impulse_energy(sums: ResponseSums) -> tuple[Array, float, Array]:
+    """Sum over pixels: squared impulse response by lag, its part of noise, ``|H|^2`` by line."""
+    lines = len(sums.frequency)
+    inside = np.minimum(np.arange(lines), np.arange(lines)[::-1]) + 0.5
+    taper = 0.5 - 0.5 * np.cos(np.pi * np.minimum(inside / (TAPER * lines), 1.0))
+    energy, noise, response = np.zeros(lines), 0.0, np.zeros(lines)
+    for first in range(0, len(sums.count), PIXELS):
+        found = response_function(sums.of_pixels(slice(first, first + PIXELS)))
+        good = found.records >= LEAST_RECORDS
+        h = found.response[good]
+        impulse = np.fft.ifft(h * taper, axis=1) * lines
+        energy += (impulse.real**2 + impulse.imag**2).sum(axis=0)
+        noise += float(np.sum(2 * (found.std[good] * taper) ** 2))
+        response += (h.real**2 + h.imag**2).sum(axis=0)
+    return energy, noise, response
 
 
 def _distortion(
@@ -275,7 +283,8 @@ def _noise_of_lines(sums: ResponseSums, design: RecordDesign) -> float:
 
 def _resonances(response: Array) -> BoolArray:
     """Find local maxima that stand out, shape (line,)."""
-    peak = scipy.ndimage.maximum_filter1d(response, 5, mode="nearest")
+    around = np.pad(response, 2, mode="edge")
+    peak = np.lib.stride_tricks.sliding_window_view(around, 5).max(axis=-1)
     return np.asarray((response == peak) & (response > RESONANT * np.median(response)))
 
 

@@ -141,10 +141,12 @@ class ResponseSums:
 
     def at(self, lines: BoolArray) -> ResponseSums:
         """Keep some lines only; `lines` is True where one stays."""
+        if lines.all():
+            return self
         kept = {name: getattr(self, name)[:, lines] for name in ("sxx", "syy", "sxy")}
         return replace(self, frequency=self.frequency[lines], **kept)
 
-    def of_pixels(self, pixels: BoolArray) -> ResponseSums:
+    def of_pixels(self, pixels: BoolArray | slice) -> ResponseSums:
         """Keep some pixels only; `pixels` is True where one stays."""
         return replace(self, **{name: getattr(self, name)[pixels] for name in SUMS})
 

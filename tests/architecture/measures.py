@@ -36,10 +36,12 @@ OPTIONAL = {
     "dask": "dask",
     "distributed": "dask",
     "meshio": "mesh",
+    "sdypy": "modal",
+    "skfem": "fe",
     "sphinx": "docs",
 }
 #: Packages that bring a library of another name.
-BROUGHT_BY = {"cv2": "opencv-python-headless"}
+BROUGHT_BY = {"cv2": "opencv-python-headless", "sdypy": "sdypy-EMA", "skfem": "scikit-fem"}
 
 #: First words of docstrings that say neither what is done nor what something is.
 EMPTY_BEGINNINGS = ("What", "Whether", "Those", "The")

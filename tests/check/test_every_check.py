@@ -64,8 +64,8 @@ def run(run_once) -> dataset.RunData:
 @pytest.fixture
 def examination(run):
     groups = {name: group.copy(deep=True) for name, group in run.groups.items()}
-    needed = ("laser", "volume", "reconstruction", "solver", "material", "scene", "scan")
-    used = {g: plugin(run, g, "check") for g in needed} | {"compare": {}}
+    needed = ("laser", "target", "volume", "reconstruction", "solver", "material", "scene", "scan")
+    used = {g: plugin(run, g, "check") for g in needed} | {"compare": {}, "seed": 0}
     return Examination(groups, rng=np.random.default_rng(0), experiment=SimpleNamespace(**used))
 
 

@@ -97,6 +97,39 @@ def on_given(views: str, answer: str) -> Bad:
     return Bad(arguments, answer)
 
 
+def on_averages(arguments: str, answer: str) -> Bad:
+    return Bad(f"experiment=plate_broadband scan.pixels=[2,3] {arguments}", answer)
+
+
+AVERAGES = [
+    on_averages(
+        "signal=sine_fit",
+        "scan.sampling.excitation=multisine needs signal=response, which averages records",
+    ),
+    on_averages(
+        "scan.sampling.excitation=sweep",
+        "command line: …sweep…Valid: …chirp…",
+    ),
+    on_averages(
+        "scan.sampling.band=[51,54]",
+        "…scan.sampling.band has no line of a record of 0.2 s, whose lines are 5 Hz apart…",
+    ),
+    on_averages(
+        "scan.sampling.excitation=hammer scan.sampling.trigger=free",
+        "…scan.sampling.trigger must be generator, for a record of hammer that starts at any…",
+    ),
+    on_averages(
+        "scene.digitizer.reference_gain=0 scene.vibrometer.drop_out=0",
+        "scan: in the image of the view 1 6 of 6 pixels are flagged (reference_missing 6): the "
+        "reference channel has no signal; the generator's output is off, its cable is not plugged "
+        "in, or triggers were missed; put it right, then delete …",
+    ),
+    on_averages(
+        "scan.sampling.amplitude=8",
+        "scan: …6 of 6 pixels are flagged (saturated 6): records are over range; choose a larger "
+        "range or a smaller amplitude; put it right, then delete …",
+    ),
+]
 CHOICES = [
     Bad("target=nope", "command line: there is no target=nope; Valid: …dissertation…"),
     Bad("laser=ometrn", "command line: there is no laser=ometrn; did you mean ometron? Valid: …"),
@@ -675,6 +708,7 @@ FILES = [
 ]
 
 TABLE_OF_ALL = [
+    *AVERAGES,
     *CHOICES,
     *KEYS,
     *VALUES,

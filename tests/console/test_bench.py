@@ -185,6 +185,18 @@ def test_quick_look_goes_from_coarse_to_fine_and_shows_what_moves(bench, do, see
     assert bench._instrument.position == (0, 0)  # the beam is back where it was sent
 
 
+def test_quick_look_has_the_level_of_the_reference_too(bench, do, seen):
+    do("look", low=[-500, -500], high=[500, 500])
+    bench.turn()
+    seen.look()
+    header, body = seen.parts[-1]
+    (_, pairs), (_, count), (_, flags), (kind, level) = header["arrays"]
+    assert (kind, level) == ("f4", count)
+    at = 4 * pairs + 4 * count + -(-flags // 4) * 4
+    reference = np.frombuffer(body, "<f4", level, at)
+    np.testing.assert_allclose(reference, 1, atol=0.05)  # V, as the generator plays
+
+
 def test_look_is_stopped_and_a_move_comes_between_its_parts(bench, do, seen):
     do("look", low=[-4096, -4096], high=[4096, 4096])
     bench.turn()
@@ -285,6 +297,38 @@ def test_fault_of_the_instrument_is_told_and_the_bench_goes_on(far, wishes, seen
     wishes.put({"do": "move", "to": [5, 6]})
     bench.turn()
     assert lab.position == (5, 6)
+
+
+def test_lost_instrument_leaves_no_picture_behind_and_is_told_when_it_is_back(
+    far, wishes, seen, lab
+):
+    bench, server = far
+    wishes.put({"do": "move", "to": [-371, 1322]})
+    bench.turn()
+    bench.turn()
+    assert [h for h, _ in seen_pictures(seen) if "rows" in h]
+    port = int(server.resource.split("::")[2])
+    server.__exit__()
+    bench.turn()
+    assert "The instrument: " in seen.look()["said"]["text"]
+    assert (seen.topics["level"], seen.topics["beam"]) == (None, [0, 0])
+    header, _ = seen_pictures(seen)[-1]
+    assert (header["begin"], header["arrays"]) == (True, [])
+    with LabServer(lab, port=port):
+        bench.turn()
+        assert seen.look()["said"] | {"at": 0} == {
+            "text": "The instrument answers again.",
+            "problem": False,
+            "at": 0,
+        }
+        assert seen.topics["level"] is not None
+        bench.leave()
+
+
+def seen_pictures(seen):
+    """Parts of the camera's picture that a browser has had."""
+    seen.look()
+    return [(h, body) for h, body in seen.parts if h["picture"] == "camera"]
 
 
 def test_nothing_is_sampled_while_nobody_steers(bench, board, wishes):

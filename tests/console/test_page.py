@@ -10,8 +10,6 @@ from tests.console.served import Page, Served, bench_lab
 from tests.report import devtools
 from tests.report.opened import DESKTOP, PHONE
 
-axe = pytest.importorskip("axe_core_python.base", reason="needs axe-core-python")
-
 pytestmark = [
     pytest.mark.skipif(not devtools.PATH, reason="needs chromium"),
     pytest.mark.xdist_group("browser"),
@@ -61,6 +59,7 @@ def test_circle_is_found_on_a_quick_look_and_marked_by_a_click_and_a_key(page, s
 
 @pytest.mark.parametrize(("size", "dark"), [(DESKTOP, False), (PHONE, False), (DESKTOP, True)])
 def test_every_tab_is_open_to_everybody_and_no_wider_than_the_window(served, size, dark):
+    axe = pytest.importorskip("axe_core_python.base", reason="needs axe-core-python")
     page = Page(served.address, size, dark)
     try:
         page.command("Runtime.evaluate", expression=axe.AXE_SCRIPT)
@@ -75,6 +74,28 @@ def test_every_tab_is_open_to_everybody_and_no_wider_than_the_window(served, siz
         assert page.said() == []
     finally:
         page.close()
+
+
+def test_reference_is_shown_of_the_same_look(page):
+    page.key("l")
+    page.until(lambda: page.js("return document.getElementById('map').cells.count") > 300)
+    page.key("l")
+    page.until(lambda: page.text("look") == "Look")
+    count = page.js("return document.getElementById('map').cells.count")
+    for unit, low, high in (("V", 0.9, 1.2), ("mm/s", 3, 100)):
+        page.js("document.getElementById('shown').focus()")
+        page.key("ArrowDown" if unit == "V" else "ArrowUp")
+        page.until(lambda unit=unit: page.text("range").endswith(f" {unit}"))
+        assert low < page.js("return document.getElementById('map').cells.top") < high
+        assert page.js("return document.getElementById('map').cells.count") == count
+
+
+def test_stands_of_the_scan_are_examined_with_a_figure(page):
+    page.click("tab-plan")
+    page.click("examine")
+    page.until(lambda: page.js("return document.getElementById('plan-figure').naturalWidth") > 500)
+    assert "The stands that are given: " in page.text("planned")
+    assert page.said() == []
 
 
 def test_second_browser_watches_and_cannot_steer(page, served):

@@ -61,6 +61,20 @@ def test_page_of_a_run_is_looked_for_only_for_who_knows_the_token(board, wishes)
     assert asked == ["run"]
 
 
+def test_figure_of_the_plan_comes_when_there_is_one(board, wishes):
+    figures = [b""]
+    with Server(board, wishes, lambda: None, lambda: figures[-1]) as server:
+        assert get(server, f"/{server.token}/plan.png?1")[0].status == 404
+        figures.append(b"picture")
+        answer, body = get(server, f"/{server.token}/plan.png?2")
+        assert (answer.status, answer.headers["content-type"], body) == (
+            200,
+            "image/png",
+            "picture",
+        )
+        assert get(server, "/wrong/plan.png")[0].status == 404
+
+
 @pytest.mark.parametrize("host", ["evil.example", "127.0.0.1.evil.example", "localhost:80:80", "x"])
 def test_another_name_for_this_machine_is_refused(server, host):
     assert get(server, f"/{server.token}/", host)[0].status == 421

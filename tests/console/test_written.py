@@ -11,6 +11,7 @@ import yaml
 from sldvexp.cli.console import composed
 from sldvexp.config import hydra_plugin
 from sldvexp.config.experiment import Experiment
+from sldvexp.console.console import Console
 from sldvexp.console.marks import CIRCLE, CORNER, SPOT, AimedMarks, view_names, wanted
 from sldvexp.console.written import settings_with, write_experiment
 from sldvexp.errors import UserError
@@ -63,6 +64,26 @@ def test_file_that_is_there_stays_unless_it_may_be_replaced(folder, marks):
     assert path.read_text() == "dear to somebody"
     write_experiment(folder, "mine", ["experiment=bench"], scan, replace=True)
     assert "Aimed with" in path.read_text()
+
+
+def test_console_replaces_what_it_wrote_itself_and_nothing_that_was_changed(folder):
+    words = ["experiment=bench"]
+    console = Console(composed(words, str(folder)), words, folder, None, None)
+    console.server._socket.close()  # nobody is served
+    console.bench.marks.put("1", (CIRCLE, 1), (1, 2))
+    console._write({"do": "write", "name": "mine"})
+    console.bench.marks.put("1", (CIRCLE, 1), (3, 4))
+    console._write({"do": "write", "name": "mine"})
+    path = folder / "experiment" / "mine.yaml"
+    assert "- [3, 4]" in path.read_text() or "[[3, 4]]" in path.read_text()
+    news, _ = console.board.news(console.board.reader(lambda: None))
+    told = next(t for t in news if isinstance(t, str) and '"written"' in t)
+    assert f"sldvexp --config-dir {folder} experiment=mine scans it" in told
+    path.write_text(path.read_text() + "seed: 3\n")
+    with pytest.raises(UserError, match="exists; take another name"):
+        console._write({"do": "write", "name": "mine"})
+    console._write({"do": "write", "name": "mine", "replace": True})
+    assert "seed" not in path.read_text()
 
 
 @pytest.mark.parametrize("name", ["", "../evil", "a/b", "a b", "x" * 65, ".hidden", "ü", "a\nb"])

@@ -82,6 +82,8 @@ def variables_named(topic: str) -> int:
     for text in quoted(topic):
         path, _, name = text.partition("[")[0].rpartition("/")
         group = group_of(path)
+        if group_of(text) in VARIABLES:
+            continue  # a group, also one below another
         if group in VARIABLES and re.fullmatch(r"\w+", name):
             assert name in VARIABLES[group], text
             named += 1

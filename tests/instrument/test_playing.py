@@ -104,6 +104,22 @@ def test_a_waveform_of_one_record_is_sent(lab, tmp_path, monkeypatch):
     np.testing.assert_allclose(volts, how.drive.waveform(), rtol=1e-5, atol=1e-6)
 
 
+def test_what_is_played_goes_on_where_only_records_are_taken_again(lab, monkeypatch):
+    """The generator is not started anew, so that the structure's motion goes on as it was."""
+    heard, how = [], acquisition("chirp")
+    with LabServer(lab()) as server:
+        answer = server.dialect.answer
+        monkeypatch.setattr(
+            server.dialect, "answer", lambda text: heard.append(text) or answer(text)
+        )
+        with Visa(server.resource).open() as ours:
+            ours.configure(how)
+            heard.clear()
+            ours.configure(replace(how, records=1))
+            assert [text for text in heard if "?" not in text] == ["SAMP:REC 1,1,generator"]
+            assert server.dialect.lab._acquisition.records == 1
+
+
 def test_a_sine_is_what_a_quick_look_plays():
     from sldvexp.instrument.bench import quick
 

@@ -9,14 +9,8 @@ import pytest
 from scipy import stats
 
 from sldvexp.geometry import rotation_from_vector
-from sldvexp.models import (
-    StackedPixels,
-    assurance_matrix,
-    examine_shape,
-    join_shapes,
-    map_shapes,
-    modal_pixels,
-)
+from sldvexp.models import StackedPixels, assurance_matrix, examine_shape, join_shapes
+from sldvexp.models.mapping import map_shapes, modal_pixels
 from sldvexp.models.seen_surface import SeenSurface
 from tests.models.made_models import (
     LASER,
@@ -133,3 +127,17 @@ def test_assurance_of_a_right_model_is_near_its_expected_value(measured):
     off = (mac.value - mac.expected).diagonal() / mac.std.diagonal()
     assert np.abs(off).max() < 3.5
     assert np.all(mac.value.diagonal() < 1)
+
+
+def test_poses_that_are_off_together_are_known_by_their_joint_covariance(measured):
+    """All stand beside where they are said to stand, as after a bundle without a fixed world."""
+    std, off = 1e-3, np.array([1e-3, -1e-3, 0.5e-3])
+    tree = measured.tree(5, pose_std=POSE_STD)
+    tree["pose"] = tree["pose"].assign(origin=tree["pose"].origin + off)
+    views = [map_shapes(closed_form(), one) for one in modal_pixels(tree, LASER)]
+    common = np.kron(np.ones((5, 5)), np.diag([0, 0, 0, std**2, std**2, std**2]))
+    joint = common + np.kron(np.eye(5), np.diag(POSE_STD**2))
+    for covariance, right in ((joint, True), (None, False)):
+        stacked = StackedPixels.of_views(views, covariance)
+        found = join_shapes([examine_shape(stacked, k, k) for k in range(5)])
+        assert (found.p_value > 1e-3) == right

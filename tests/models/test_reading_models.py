@@ -11,13 +11,8 @@ import pytest
 
 from sldvexp.errors import ConfigError, UserError
 from sldvexp.io.uff import writer
-from sldvexp.models import (
-    MatchedPoint,
-    ModelFile,
-    ModelFrame,
-    examine_model,
-    universal_text,
-)
+from sldvexp.models import MatchedPoint, ModelFile, ModelFrame, universal_text
+from sldvexp.models.estimate import examine_model
 from sldvexp.units import LengthUnit
 from sldvexp.volume import Grid
 from tests.models.made_models import CENTER, LASER, THICKNESS, Measured, closed_form, true_plate

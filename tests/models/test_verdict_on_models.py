@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from sldvexp.dataset import Severity
+from sldvexp.dataset import RunData, Severity, save
 from sldvexp.errors import UserError
 from sldvexp.models import (
     FiniteElementModel,
@@ -16,11 +16,13 @@ from sldvexp.models import (
     ModelParameter,
     ModelSource,
     examine_frequencies,
-    examine_model,
-    findings_about,
-    model_to_datasets,
     update_parameters,
 )
+from sldvexp.models.estimate import examine_model
+from sldvexp.models.result import model_to_datasets
+from sldvexp.models.wording import findings_about
+from sldvexp.plot import model_shapes
+from sldvexp.report.html.modal import model_section
 from tests.models.made_models import (
     LASER,
     POSE_STD,
@@ -191,3 +193,18 @@ def test_right_model_with_poses_that_are_off_is_rejected_as_often_as_promised(me
     count = 200
     rejected = sum(examined(measured, source(), 1000 + s).shapes_rejected for s in range(count))
     assert 0.02 * count <= rejected <= 0.09 * count
+
+
+def test_model_that_lacks_a_measured_mode_says_so_and_is_kept_in_a_file(measured, tmp_path):
+    lacking = closed_form().with_modes(np.array([0, 1, 3, 4]))
+    found = examined(measured, source(lacking))
+    assert found.pair.tolist() == [0, 1, -1, 2, 3]
+    text = {f.kind: f.text for f in findings_about(found)}["model_lacks_mode"]
+    assert "measured mode 3 (551.14 Hz) is none of its modes" in text
+    groups = model_to_datasets(found, {})
+    save(groups, {}, tmp_path / "run.nc")
+    run = RunData.from_source(tmp_path / "run.nc")
+    assert run.groups["model/image/1"]["paired_mode"].values.tolist() == [1, 2, 4, 5]
+    assert np.isnan(run.groups["model"]["chi2"].values).tolist() == [0, 0, 1, 0, 0]
+    assert model_section(run).title == "Model"
+    assert len(model_shapes(run).axes) >= 8

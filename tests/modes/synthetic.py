@@ -5,7 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sldvexp import dataset
+from sldvexp import dataset, modes
+
+LINE = np.arange(55.0, 1331.0, 5.0)
+FREQUENCY = np.array([197.0, 439.0, 545.0, 787.0, 842.0])
+DAMPING = np.full(5, 0.01)
 
 
 def responses(line, frequency, damping, shape, above=0.0, below=0.0):
@@ -38,6 +42,23 @@ def image(line, velocity, noise: ArrayLike, rng=None, flags=None, **more):
 
 
 def plate_shapes(pixels: int, modes: int, seed: int = 0):
-    """Make real shapes of a strip, sines, with a phase of 0."""
+    """Make real shapes of a strip, sines, at places by chance."""
     place = np.random.default_rng(seed).uniform(0.05, 0.95, pixels)
     return 1e-3 * np.sin(np.pi * np.outer(place, np.arange(1, modes + 1)))
+
+
+def session(seed, ratio, pixels=300, frequency=FREQUENCY, damping=DAMPING, line=LINE):
+    """Make one view whose noise is `ratio` of the r.m.s. of its lines, on average."""
+    rng = np.random.default_rng(seed)
+    shape = plate_shapes(pixels, len(frequency), seed)
+    above, below = 2e-5 * rng.normal(size=(2, pixels))
+    seen = responses(line, frequency, damping, shape, above, below)
+    rms = np.sqrt(np.mean(np.abs(seen) ** 2))
+    noise = ratio * rms * rng.uniform(0.5, 1.5, (pixels, 1))
+    return image(line, seen, noise, rng), shape
+
+
+def identified(*views, **settings):
+    """Find the modes of some views."""
+    named = {f"view{k}": view for k, view in enumerate(views)}
+    return modes.estimate_modes(named, modes.MostLikelyModes(**settings))

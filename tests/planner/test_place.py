@@ -12,8 +12,9 @@ from sldvexp.errors import UserError
 from sldvexp.geometry import rotation_towards
 from sldvexp.laser import TwoMirror, project
 from sldvexp.planner.aim import aimed
-from sldvexp.planner.place import Place, Unseen, crosses, hides_itself
+from sldvexp.planner.place import Place, TargetMarks, Unseen, crosses, hides_itself
 from sldvexp.planner.search import candidates, examined
+from sldvexp.targets import Circle, Circles, Plane, shaded_circles
 from sldvexp.volume import Prisms, TriangulatedSurface, extruded, vertex_normals
 from sldvexp.volume.surface import node_frames
 from tests.planner.planned_experiments import SMALL, composed
@@ -80,6 +81,55 @@ def test_a_stand_in_front_sees_all_and_one_behind_nothing(plate):
 )
 def test_limits_of_the_room_say_why(plate, origin, reason):
     assert reason in reasons(plate, *origin)
+
+
+def test_limits_that_nothing_says_are_for_stands_that_are_looked_for():
+    e = composed("experiment=plate", *SMALL)
+    given = Place.from_experiment(e, new_stands=False)
+    for origin in ((0.4, 0.1, 3.0), (0.4, 0.1, 0.9), (0.4, 1.6, 1.6)):
+        assert not reasons(given, *origin) & {Unseen.far, Unseen.near, Unseen.outside}
+    said = composed("experiment=plate", *SMALL, "plan.room.distance=[1.2,2.5]")
+    assert Unseen.far in reasons(Place.from_experiment(said, new_stands=False), 0.4, 0.1, 3.0)
+    assert said.plan.room.unsaid == ["low", "high"]
+
+
+@pytest.fixture(scope="module")
+def stepped() -> Place:
+    """The plate beside four circles, of which the second is on a block and hides the first."""
+    e = composed("experiment=plate", *SMALL)
+    centres = {1: (0.03, 0.03), 2: (0.14, 0.03), 3: (0.15, 0.225), 4: (0.03, 0.215)}
+    circles = {
+        n: Circle(x, y, 0.04, "raised" if n == 2 else "front") for n, (x, y) in centres.items()
+    }
+    planes = {"front": Plane(), "raised": Plane(origin=[0, 0, 0.1])}
+    return Place.from_experiment(replace(e, target=Circles(circles=circles, planes=planes)))
+
+
+def test_a_stand_from_which_a_circle_hides_another_is_refused(stepped):
+    assert Unseen.target_hidden in reasons(stepped, 1.4, 0.1, 1.3)
+    assert Unseen.target_hidden not in reasons(stepped, 0.2, 0.1, 1.5)
+    found = candidates(stepped.thinned(), 60, np.random.default_rng(0)).examined
+    circles = stepped.marks.circles
+    assert circles is not None
+    assert not any(shaded_circles(origin, circles) for origin in found.origins)
+
+
+def test_a_block_before_the_structure_hides_nodes_or_its_margin(stepped):
+    """From the left, beams to the left edge of the plate go through the raised circle."""
+    block = Circle(0.18, 0.14, 0.08, "raised")
+    circles = replace(stepped.marks.circles, circles=stepped.marks.circles.circles | {2: block})
+    before = replace(stepped, marks=TargetMarks.from_target(circles))
+    found = reasons(before, -1.0, 0.15, 1.0)
+    assert {Unseen.behind_target, Unseen.rim_behind_target} <= found
+    assert not {Unseen.behind_target, Unseen.rim_behind_target} & reasons(before, 0.4, 0.1, 1.5)
+
+
+def test_a_corner_of_the_scanned_region_beyond_the_mirrors_refuses_a_stand(plate):
+    """The volume alone would be within them."""
+    narrow = replace(plate, room=replace(plate.room, mirrors=0.6))
+    assert reasons(narrow, 0.4, 0.1, 1.6) == {Unseen.seen}
+    wide = replace(narrow, region=np.array([[-0.6, 0.1, 0], [1.4, 0.1, 0]]))
+    assert Unseen.region_mirrors in reasons(wide, 0.4, 0.1, 1.6)
 
 
 def test_mirrors_of_a_small_range_do_not_reach_all(plate):

@@ -37,6 +37,11 @@ def test_a_plan_is_written_as_an_experiment_with_poses_and_a_figure(planned):
     assert [len(v["corners"]) for v in scan["structure"]["views"].values()] == [4] * 4
     assert yaml.safe_load(Path("lab/pose/monday.yaml").read_text())["views"] == views
     assert "expect" not in made
+    said = (
+        "stands were looked for with y from -0.9 m, y to 1.1 m, 1.2 to 2.5 m away, for nothing says"
+    )
+    assert said in words(planned.out)
+    assert "both mirrors at step 0" in words(planned.out)
 
 
 @pytest.mark.whole

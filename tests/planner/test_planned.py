@@ -148,8 +148,21 @@ def test_a_wanted_bound_gets_as_many_stands_as_it_needs():
 
 @pytest.mark.whole
 def test_a_bound_that_is_out_of_reach_is_refused():
-    with pytest.raises(UserError, match="8 stands reach"):
-        planner.plan(composed("experiment=plate", *SMALL, "plan.wanted=1e-9"))
+    told = (
+        r"^plan.wanted=1e-06: 1e-06 mm/s is out of reach: 8 stands, the most, reach 0\.0\d+ mm/s, "
+        r"\S+ times as much; with \S+ times the samples a pixel or the pixels it is within reach; "
+        "plan.unit is mm_per_s$"
+    )
+    settings = ("plan.unit=mm_per_s", "plan.wanted=1e-6")
+    with pytest.raises(UserError, match=told):
+        planner.plan(composed("experiment=plate", *SMALL, *settings))
+
+
+def test_bounds_and_noise_are_wanted_in_a_unit():
+    said = composed("experiment=plate", "plan.unit=mm_per_s", "plan.wanted=0.07", "plan.noise=0.4")
+    assert said.plan.in_si("wanted") == pytest.approx(7e-5)
+    assert said.plan.in_si("noise") == pytest.approx(4e-4)
+    assert composed("experiment=plate").plan.in_si("wanted") is None
 
 
 @pytest.mark.whole

@@ -9,10 +9,18 @@ import numpy as np
 import pytest
 
 from sldvexp.dataset import Severity
+from sldvexp.laser import TwoMirror
+from sldvexp.laser.two_mirror import Board
 from sldvexp.pose import half_width
 from sldvexp.pose.bitangent import Bitangent
 from sldvexp.pose.edge import Edge
-from sldvexp.pose.pointing import EllipseResiduals, find_pointing, pointing_variance
+from sldvexp.pose.pointing import (
+    EllipseResiduals,
+    Pointing,
+    find_pointing,
+    mirror_findings,
+    pointing_variance,
+)
 from sldvexp.session.circles import edges_to_dataset
 from sldvexp.virtual_lab.scene import MirrorError, MirrorErrors
 
@@ -102,6 +110,31 @@ def test_residuals_that_pointing_noise_explains_are_a_note(edge_lab, method):
     assert note.size == pytest.approx(0.4, rel=0.2) == float(pose["pointing_std"])
     assert f"{note.size:.2g} DAC steps" in note.text
     assert pose["pointing_std"].attrs["units"] == "1"
+
+
+def noise(whole, stated=0.0):
+    """Pointing noise of a view, DAC steps, all else being in order."""
+    each = np.full(4, whole)
+    return Pointing(each, each, 150.0, 150.0, 150.0, stated, 1.0, np.ones(4))
+
+
+@pytest.mark.parametrize(("board", "steps"), [(Board.bits_12_sign, 1), (Board.bits_16, 8)])
+def test_mirrors_are_judged_by_angles_and_not_by_the_steps_of_a_board(board, steps):
+    """One step of 12 bits is 107 microrad, and 10 of them are in good order."""
+    laser = TwoMirror(board=board)
+    found = {"a": noise(0.3 * steps), "b": noise(0.08 * steps), "c": noise(0.5 * steps)}
+    (said,) = mirror_findings(found, laser)
+    assert (said.subject, said.severity) == ("views a, c", Severity.note)
+    wide = "0.3 to 0.5" if steps == 1 else "2.4 to 4"
+    assert said.text.startswith(f"views a, c: the edges scatter by {wide} DAC steps rms more than")
+    assert "at most 53 microrad or 0.053 mm at 1 m" in said.text
+    assert said.size == 0.5 * steps
+
+
+def test_pointing_noise_that_a_laser_is_said_to_have_is_no_finding():
+    found = {"a": noise(0.3), "b": noise(0.5, stated=0.2)}
+    assert len(list(mirror_findings(found, TwoMirror(pointing_std=0.25)))) == 1
+    assert not list(mirror_findings(found, TwoMirror(pointing_std=0.35)))
 
 
 @pytest.mark.whole

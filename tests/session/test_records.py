@@ -14,9 +14,10 @@ from sldvexp.errors import UserError
 from sldvexp.instrument import RawSamples
 from sldvexp.instrument.recording import read_line
 from sldvexp.scan import Sampling
+from sldvexp.session import Watcher, Wish
 from sldvexp.session.records import Averaging, acquisition_of, added, once_more, worst_first
 from sldvexp.session.session import scan_views
-from sldvexp.signal import ExcitationKind, Response, ResponseSums
+from sldvexp.signal import ExcitationKind, RecordFault, Response, ResponseSums
 
 CORNERS = "[[-630, 130], [-630, -1400], [640, -1400], [640, 130]]"
 RATE, SAMPLES = 5120.0, 512
@@ -90,7 +91,8 @@ def test_a_session_that_was_cut_off_goes_on_to_the_same_bits(composed, tmp_path,
     again, _ = scanned(composed, tmp_path / "cut", *chosen)
     same(whole, again)
     more = whole["records"].values >= 20
-    assert more.sum() == int(12.0 / (11 * SAMPLES / RATE))
+    each = (10 + (excitation == "multisine")) * SAMPLES / RATE  # with a period to let go by
+    assert more.sum() == int(12.0 / each)
 
 
 def test_the_journal_keeps_sums_and_no_samples(composed, tmp_path):
@@ -113,13 +115,22 @@ def test_averages_are_replayed_to_the_bit(composed, tmp_path):
         scanned(composed, tmp_path / "other", *replay, "scan.sampling.records=9")
 
 
+def test_where_no_light_comes_back_nothing_is_taken_again(composed, tmp_path):
+    dark = ("scene.backdrop=false", "scan.views={a: {corners: [[-640, 130], [-640, -2400], "
+            "[640, -2400], [640, 130]]}}", "scene.vibrometer.drop_out=0")  # fmt: skip
+    image, _ = scanned(composed, tmp_path, *dark)
+    lost = image["flags"].values != 0
+    assert 0 < lost.sum() < lost.size
+    np.testing.assert_array_equal(image["left_out"].sel(fault="dropped_out")[lost], 10)
+
+
 def test_the_worst_coherence_comes_first_and_time_ends():
     rng = np.random.default_rng(5)
     x = rng.standard_normal((6, 20, 3, 2)) @ [1, 1j]
-    noise = np.array([0.1, 2.0, 0.3, 1.0, 0.2, 4.0])[:, None, None]
+    noise = np.array([0.1, 1.0, 0.3, 0.7, 100.0, 2.0])[:, None, None]
     sums = ResponseSums.zeros(6, [50.0, 60.0, 70.0])
     sums.add(x, x + noise * (rng.standard_normal((*x.shape, 2)) @ [1, 1j]))
-    assert worst_first(sums).tolist()[:3] == [5, 1, 3]
+    assert worst_first(sums).tolist() == [5, 1, 3, 2, 0, 4]  # where nothing moves is the last
     dac = np.arange(12).reshape(6, 2)
     ((pixels, where),) = once_more(sums, dac, seconds=2.0, spare=5.0)
     assert pixels.tolist() == [5, 1]
@@ -146,6 +157,28 @@ class Spoilt:
         shape = (len(dac) * a.records + self.records, 2, a.samples + self.samples)
         return RawSamples(np.ones(shape, np.int16), np.ones(2), a.rate * self.rate,
                           np.zeros(shape[0], np.uint8), a.records)  # fmt: skip
+
+
+def test_what_the_instrument_says_of_a_record_is_what_is_wrong_with_it():
+    acquisition = acquisition_of(Sampling(RATE, SAMPLES, excitation=ExcitationKind.chirp))
+    played = (1000 * acquisition.drive.waveform()).astype(np.int16)
+    told = np.array([[1, 0, 2, 4] + 6 * [0], 10 * [0]], np.uint8)
+    noise = np.random.default_rng(1).integers(-50, 50, (20, 2, SAMPLES)).astype(np.int16)
+
+    def scan(dac, stream=None):
+        return RawSamples(noise + played, np.full(2, 1e-3), RATE, told.ravel(), 10)
+
+    instrument = SimpleNamespace(scan=scan, configure=lambda acquisition: None)
+    sums = Averaging(Response(), acquisition, 0).measure(instrument, np.zeros((2, 2), int), 0)
+    names = [fault.name for fault in RecordFault]
+    assert dict(zip(names, sums.left_out[0].tolist(), strict=True)) == {
+        "saturated": 1,
+        "dropped_out": 1,
+        "reference_missing": 1,
+        "non_finite": 0,
+        "double_hit": 0,
+    }
+    assert sums.count.tolist() == [7, 10]
 
 
 @pytest.mark.parametrize(
@@ -189,6 +222,37 @@ def test_noise_in_short_records_is_warned_of(composed, tmp_path):
     assert "take records of" in leak.text
     _, findings = scanned(composed, tmp_path / "periodic", "scene.vibrometer.drop_out=0")
     assert findings == []
+
+
+class Skips(Watcher):
+    """Scans the second line twice, and leaves the view out after the third."""
+
+    def __init__(self):
+        self.lines, self.again = [], (2,)
+
+    def line_done(self, line):
+        self.lines.append(line)
+
+    def between_lines(self, view, lines, done, count):
+        again, self.again = (self.again, ()) if done == 2 else ((), self.again)
+        return Wish(again=again, skip=done == 3)
+
+
+def test_who_watches_sees_averages_line_by_line(composed, tmp_path):
+    watcher = Skips()
+    made = composed(*AVERAGES, "scan.sampling.spare=100", "scene.vibrometer.drop_out=0")
+    found = scan_views(made, tmp_path, watcher=watcher)
+    image = found["image/a"]
+    assert image.sizes["pixel"] == 3 * 6
+    assert (image["records"] == 10).all()  # what is left out needs no pixel measured once more
+    assert [line.number for line in watcher.lines] == [1, 2, 2, 3]
+    again, last = watcher.lines[2:]
+    np.testing.assert_array_equal(again.image.velocity, image["velocity"].values[6:12])
+    assert (watcher.lines[1].image.velocity != again.image.velocity).all()
+    velocity, reference = last.level
+    assert reference == pytest.approx(1.0, rel=0.01)  # V, r.m.s.
+    truth = np.sqrt((np.abs(last.image.velocity) ** 2).sum() / 2 / 6)
+    assert velocity == pytest.approx(100 * truth, rel=0.1)
 
 
 @pytest.mark.long

@@ -83,6 +83,21 @@ def test_leakage_of_random_excitation_is_said_with_lines_and_a_record_that_would
     assert seconds == pytest.approx(2.93, rel=0.25)
 
 
+def test_noise_is_no_part_of_what_leaks(five_modes):
+    noisy, made = (
+        replace(five_modes, noise=(3.0, 0.001)),
+        design(ExcitationKind.random, seconds=0.8),
+    )
+    rng = np.random.default_rng(1)
+    sums = noisy.sums(Response(), made, 10, rng, 60)
+    peaks = noisy.peaks(made.frequency)
+    lost = 1 - Response().response(sums, made).coherence[:, peaks[0]].mean()
+    (found,) = find_response_findings(sums, made, "left")
+    assert lost > 0.2
+    assert found.size == pytest.approx(0.11, abs=0.04)
+    assert found.severity is Severity.doubtful  # as much as one standard error
+
+
 def test_records_as_long_as_was_said_leak_no_more(five_modes):
     made = design(ExcitationKind.random, seconds=3.2)
     assert find_response_findings_of(five_modes, made, pixels=10) == []

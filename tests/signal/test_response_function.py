@@ -107,15 +107,15 @@ def test_extreme_noise_ratios_are_the_other_estimators():
 
 @pytest.mark.parametrize("estimator", Estimator)
 def test_standard_errors_are_the_scatter_of_repetitions(estimator):
-    pixels, records = 4000, 10
+    pixels, records = 20000, 10
     sums = noisy(pixels, records, 0.0 if estimator is Estimator.h1 else 0.02, 0.02)
     found = response_function(sums, estimator, noise_ratio=5.0)
     scatter = np.mean([np.var(found.response.real), np.var(found.response.imag)])
-    # A variance of n records is known to sqrt(2 / (pixels dof)); E 1 / Sxx adds 1 / (n - 1).
-    dof = 2 * (records - 1)
+    # A variance of as many parts is known to sqrt(2 / (2 pixels)); the errors' tails are a bit
+    # longer than a normal's. With n for n - 1 the ratio would be 0.9.
     ratio = np.mean(found.std**2) / scatter
-    assert ratio == pytest.approx(1, abs=0.5 / records + 4 * np.sqrt(2 / (2 * pixels)))
-    assert found.dof.tolist() == [dof] * pixels
+    assert ratio == pytest.approx(1, abs=5 * np.sqrt(1 / pixels))
+    assert (found.dof == 2 * (records - 1)).all()
 
 
 def test_coherence_is_biased_as_theory_says():

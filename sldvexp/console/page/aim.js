@@ -150,7 +150,7 @@ export class Aim {
   showMarks(word) {
     const other = word.view !== this.marks.view, before = this.marks.marks.length;
     this.marks = { predicted: [], outlines: [], ...word };
-    const options = word.views.map(({ name, marks }) => new Option(marks ? `${name} (${marks} marks)` : name, name, false, name === word.view));
+    const options = word.views.map(({ name, marks }) => new Option(marks ? `${name} (${marks} mark${marks > 1 ? "s" : ""})` : name, name, false, name === word.view));
     $("view").replaceChildren(...options);
     if (other || !this.chosen || word.marks.length > before) this.chooseNext();
     $("pose").textContent = word.pose ?? "";

@@ -36,8 +36,8 @@ export class Scan {
   }
 
   update(steering) {
-    const now = this.now ?? {};
-    const can = { pause: now.running && !now.paused, "go-on": now.paused, again: now.running, "again-bad": now.running, skip: now.running, stop: now.running };
+    const now = this.now ?? {}, free = now.running && !this.asked;  // who is asked answers first
+    const can = { pause: free && !now.paused, "go-on": now.paused, again: free, "again-bad": free, skip: free, stop: now.running };
     for (const [id, possible] of Object.entries(can)) $(id).disabled = !(steering && possible);
   }
 
@@ -49,6 +49,7 @@ export class Scan {
   }
 
   ask(word) {
+    this.asked = Boolean(word);
     $("ask").hidden = !word;
     if (!word) return;
     $("asked").textContent = word.text;

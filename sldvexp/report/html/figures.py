@@ -47,6 +47,10 @@ PARTS: dict[str, dict[str, str]] = {
         "nodal": "Velocity with bounds along the line of nodes through its largest value.",
         "residuals": "Residuals by view.",
     },
+    "model": {
+        "model_shapes": "Lines of equal motion of the model with the measured pixels of all views "
+        "over them, mode by mode; below, what the model leaves of these.",
+    },
     "strain": {
         "hot_spots": "The largest extension of a cycle with its direction where it is known, von "
         "Mises stress with its hot spots, and their bounds.",

@@ -1,0 +1,103 @@
+"""Lines that no linear modes have are found out, named, and make bounds wider."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from synthetic import FREQUENCY, LINE, identified, session
+
+from sldvexp import modes
+from sldvexp.dataset import Severity
+
+
+def kinds(found):
+    return {finding.kind: finding for finding in found.findings}
+
+
+def with_harmonics(seen, share):
+    """Add to every even multiple of a line a share of that line, in the phase of its square."""
+    spoilt = seen.copy(deep=True)
+    values = spoilt["velocity"].values
+    for k, hertz in enumerate(LINE):
+        twice = np.flatnonzero(np.isclose(LINE, 2 * hertz))
+        if twice.size:
+            own = seen["velocity"].values[:, k]
+            values[:, twice[0]] += share * own**2 / np.abs(own)
+    return spoilt
+
+
+def test_clean_lines_have_no_findings():
+    for seed in range(2):
+        assert identified(session(seed, 0.05)[0]).findings == []
+
+
+def test_harmonics_on_other_lines_are_named_and_bounds_widened_by_the_misfit():
+    clean, _ = session(1, 0.01)
+    found, before = identified(with_harmonics(clean, 0.01)), identified(clean)
+    told = kinds(found)["misfit"]
+    assert "880 (2 x 440)" in told.text
+    assert "1090 (2 x 545)" in told.text
+    assert told.remedy.startswith("modal.leave_out=[")
+    misfit = float(found.modes["misfit"])
+    ratio = found.modes["natural_frequency_std"] / before.modes["natural_frequency_std"]
+    assert ratio.values == pytest.approx(np.sqrt(misfit), rel=0.02)
+    assert told.size == pytest.approx(np.sqrt(misfit))
+    lines = [float(f) for f in told.remedy.removeprefix("modal.leave_out=[").strip("]").split(",")]
+    better = identified(with_harmonics(clean, 0.01), leave_out=lines)
+    assert float(better.modes["misfit"]) < 0.5 * misfit + 0.5
+    assert len(better.modes["line"]) == len(LINE) - len(lines)
+
+
+def test_a_missed_mode_makes_the_modes_doubtful():
+    whole, _ = session(2, 0.01, frequency=np.array([300.0, 700.0]), damping=0.01)
+    method = modes.MostLikelyModes()
+    responses = modes.Responses.from_images({"a": whole})
+    fit = modes.likelihood.most_likely(
+        modes.compress(responses), modes.model.poles_of(2 * np.pi * np.array([300.0]), 0.01)
+    )
+    assert len(fit.pole) == 1
+    assert fit.misfit > 10
+    both = method.identify(responses)
+    assert both.chi_square / both.dof < 1.2
+
+
+def test_a_misfit_that_wider_bounds_do_not_repair_is_doubtful():
+    clean, _ = session(3, 0.002)
+    told = kinds(identified(with_harmonics(clean, 0.02)))["misfit"]
+    assert told.severity is Severity.doubtful
+    assert told.statistic > 2
+
+
+@pytest.mark.parametrize("stated", [0.5, 2.0])
+def test_noise_that_is_not_as_stated_is_found(stated):
+    clean, _ = session(4, 0.1)
+    wrong = clean.assign(velocity_std=stated * clean["velocity_std"])
+    told = kinds(identified(wrong))["noise"]
+    # Signals below the stated noise are not counted as such, and add to what is found of it.
+    assert 0.999 < told.size * stated < 1.02
+    std = [identified(image).modes["natural_frequency_std"].values for image in (wrong, clean)]
+    assert std[0] / std[1] == pytest.approx(max(1.0, stated), rel=0.02)
+
+
+def test_noise_that_goes_with_pixel_and_line_leaves_a_misfit_of_one_and_honest_bounds():
+    rng = np.random.default_rng(5)
+    clean, shape = session(5, 1e-6)
+    rms = np.sqrt(np.mean(np.abs(clean["velocity"].values) ** 2))
+    std = 0.1 * rms * rng.uniform(0.2, 2.0, (len(shape), 1)) * (55 / LINE) ** 0.5
+    noise = rng.normal(size=(2, *std.shape))
+    seen = clean.assign(
+        velocity=clean["velocity"] + std * (noise[0] + 1j * noise[1]),
+        velocity_std=(("pixel", "frequency"), std),
+    )
+    found = identified(seen)
+    assert found.findings == []
+    assert float(found.modes["misfit_p_value"]) > 1e-3
+    left = found.images["view0"]["velocity"].values - shape
+    ratio = np.abs(left) ** 2 / found.images["view0"]["velocity_std"].values ** 2 / 2
+    assert ratio.mean() == pytest.approx(1.0, abs=5 / np.sqrt(ratio.size))
+
+
+def test_resonances_narrower_than_lines_are_apart_are_said():
+    found = identified(session(6, 0.02, damping=np.array([0.002, 0.01, 0.01, 0.01, 0.01]))[0])
+    assert "197" in kinds(found)["coarse_lines"].text
+    assert found.modes["natural_frequency"].values == pytest.approx(FREQUENCY, rel=1e-3)

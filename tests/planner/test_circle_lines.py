@@ -1,0 +1,71 @@
+"""Planned stands get scan lines that reach across their circles."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sldvexp.geometry import KnownPose
+from sldvexp.planner.circle_lines import fit_stride, too_short
+from sldvexp.planner.images import half_chords_of, known_stand
+from sldvexp.planner.place import Place
+from tests.planner.planned_experiments import SMALL, composed
+
+VIEWS = {
+    "near": KnownPose(origin=[0.3, 0.1, 0.6], look_at=[0.3, 0.1, 0.0]),
+    "far": KnownPose(origin=[0.3, 0.1, 1.9], look_at=[0.3, 0.1, 0.0]),
+}
+
+
+def two_stands(stride, rough):
+    """Two stands, one of them near, on a 16-bit board; their place, and a scan with that stride."""
+    e = composed("experiment=plate", *SMALL, "laser.board=bits_16")
+    e.scan.calibration.coarse.stride = stride
+    parts = {
+        name: replace(getattr(e.scan, name), views={}) for name in ("calibration", "structure")
+    }
+    scan = replace(e.scan, poses=VIEWS if rough else {}, **parts)
+    place = Place.from_experiment(e)
+    stands = [
+        known_stand(name, p.place, np.array(p.look_at), p.rotation, place)
+        for name, p in VIEWS.items()
+    ]
+    return stands, place, scan
+
+
+@pytest.mark.parametrize(("stride", "rough"), [(4, True), (4, False), (2, True)])
+def test_lines_that_do_not_reach_an_edge_are_told_with_what_is_needed(stride, rough):
+    stands, place, scan = two_stands(stride, rough)
+    said = list(too_short(stands, place, scan))
+    assert len(said) == (2 if stride == 2 else 1)
+    assert said[0].startswith(f"stand near: scan lines of {150 * stride} steps to each side")
+    needed = int(said[0].partition("coarse.stride=")[2].partition(",")[0])
+    widest = half_chords_of(stands[0], place, 3).max()
+    assert needed == np.ceil(1.5 * widest / 150)
+    assert not list(too_short(*two_stands(needed, rough)))
+
+
+def test_rough_poses_without_a_stride_need_none():
+    assert not list(too_short(*two_stands(None, True)))
+
+
+@pytest.mark.parametrize(
+    ("views", "stride", "expected"),
+    [
+        ({}, 2, "none"),  # with rough poses: the scan chooses it
+        ({"near": {}}, 2, "more"),
+        ({"near": {}}, 40, "same"),
+        ({}, None, "same"),
+    ],
+)
+def test_a_plan_sets_a_stride_only_where_the_given_one_is_too_small(views, stride, expected):
+    stands, place, _ = two_stands(None, True)
+    coarse = {"lines": 3, "pixels": 300, "window": 25, "stride": stride}
+    calibration = {"coarse": coarse, "views": views}
+    fit_stride(calibration, stands, place)
+    if expected == "more":
+        assert coarse["stride"] > stride
+    else:
+        assert coarse["stride"] == (None if expected == "none" else stride)
