@@ -22,6 +22,7 @@ from sldvexp.report.modal_tables import (
     model_table,
     verdict_on_model,
 )
+from sldvexp.report.numbers import number
 from sldvexp.typing import Array, ComplexArray
 
 #: Column of the model's table whose cells may be broken into lines.
@@ -60,10 +61,30 @@ def model_section(run: RunData) -> Section | None:
             Text(f"The model is {verdict}.", tone),
             HtmlTable.from_table(model_table(model), (MIXED_WITH,)),
             Text(note, "small"),
+            _adjusted(model),
             Listing(model_sentences(run)),
             _shapes_beside(run),
+            figures(run, "model"),
         ),
     )
+
+
+def _adjusted(model: xr.Dataset) -> HtmlTable | None:
+    """Make a row for each parameter that was adjusted."""
+    if "factor" not in model:
+        return None
+    rows = [
+        [
+            str(name),
+            number(float(one["adjusted_value"]), 6),
+            number(100 * float(one["factor"] - 1), 3),
+            number(100 * float(one["factor_std"]), 2),
+        ]
+        for name in model["adjusted"].values
+        for one in [model.sel(adjusted=name, adjusted2=name)]
+    ]
+    columns = ["parameter", "value that fits", "change, %", "its standard error, %"]
+    return HtmlTable(columns, rows, "Parameters adjusted to the frequencies")
 
 
 def _shapes_beside(run: RunData) -> list[Beside | Text]:
