@@ -149,6 +149,10 @@ def mode_table(modes: xr.Dataset) -> Table:
         phase = VARIABLES["modes"]["phase"]
         columns.append(phase.titled("phase"))
         cells.append([number(phase.factor * x, 3) for x in modes["phase"].values])
+    if "modal_scale" in modes and np.isfinite(modes["modal_scale"].values).any():
+        scale = VARIABLES["modes"]["modal_scale"]
+        columns.append(scale.titled("modal scale"))
+        cells.append(_bounded(modes, "modal_scale", scale.factor))
     if "scale_std" in modes:
         columns.append("shape's scale, ± ‰")
         factor = PER_MILLE * level_factor(modes)
@@ -160,7 +164,7 @@ def mode_table(modes: xr.Dataset) -> Table:
 
 
 def _bounded(modes: xr.Dataset, name: str, scale: float) -> list[str]:
-    """Write values with bounds, as parts of a whole that `scale` names."""
+    """Write values times `scale` with bounds."""
     factor = scale * level_factor(modes)
     bounds = modes.get(f"{name}_std", xr.full_like(modes[name], np.nan)).values
     values = zip(modes[name].values, bounds, strict=True)

@@ -76,6 +76,16 @@ def test_modes_are_a_table_with_bounds():
     assert column(table, "phase, deg")[0] == "0.573"
 
 
+def test_the_modal_scale_is_told_where_the_reference_is_known():
+    scaled = modes().assign(modal_scale=("mode", [2e-3, 3e-3, np.nan]))
+    scaled["modal_scale_std"] = "mode", [1e-5, 1e-5, np.nan]
+    (table,) = modal_tables(RunData({"modes": scaled}))
+    assert column(table, "modal scale, mm/s")[:2] == ["2.000 ± 0.020", "3.000 ± 0.020"]
+    scaled["modal_scale"] = "mode", [np.nan] * 3
+    (table,) = modal_tables(RunData({"modes": scaled}))
+    assert "modal scale, mm/s" not in [c.header for c in table.columns]
+
+
 def test_no_mode_found_is_said_and_makes_an_empty_table(tmp_path):
     run = RunData({"modes": modes(np.empty(0))})
     assert dict(closing_lines(run, [tmp_path / "run.nc"]))["found"] == "no modes"
