@@ -110,7 +110,9 @@ VARIABLES: dict[str, dict[str, Variable]] = {
         "scale_std": _V("mode", "1", "standard error of a factor of the mode's whole shape"),
         "phase_std": _V("mode", "rad", "standard error of the phase of the mode's whole shape"),
         "mixing_std": _V(
-            "mode mode2", "1", "standard error of the share of the second mode in the first's shape"
+            "part mode mode2",
+            "1",
+            "standard error of the share of the second mode in the first's shape",
         ),
         "complexity": _V("mode", "1", "1 - modal phase collinearity; 0 if all moves in phase"),
         "complexity_std": _V("mode", "1", "its standard error"),

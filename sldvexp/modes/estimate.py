@@ -19,6 +19,7 @@ from sldvexp.modes.responses import Responses
 from sldvexp.statistics import chi_square_p_value
 from sldvexp.typing import Array
 
+PARTS = ("real", "imaginary")
 #: Names of the groups of modal images begin so, as ``modes/image/front``.
 MODAL_IMAGES = "modes/image/"
 
@@ -149,6 +150,7 @@ def _modes(
         "modes",
         {
             "mode": np.arange(1, count + 1),
+            "part": list(PARTS),
             "mode2": np.arange(1, count + 1),
             "pole_parameter": parameters,
             "pole_parameter2": parameters,
@@ -162,7 +164,7 @@ def _modes(
         pole_covariance=fit.covariance,
         scale_std=np.diag(mixing[0]),
         phase_std=np.diag(mixing[1]),
-        mixing_std=np.sqrt(np.mean(mixing**2, axis=0)),  # of a part, on average
+        mixing_std=mixing,
         complexity=sums.complexity(),
         complexity_std=sums.complexity_std(),
         phase=sums.phase(),
