@@ -9,8 +9,8 @@ from sldvexp.plot import figures_of
 from sldvexp.report import closing_lines, closing_table
 from sldvexp.report.html import modal, results, run_page, shape
 from sldvexp.report.html.blocks import (
+    Alternatives,
     Beside,
-    Choice,
     Figure,
     HtmlTable,
     Listing,
@@ -172,7 +172,7 @@ def test_mode_shapes_are_shown_first_and_the_lines_can_be_chosen(
     lines, shapes = small_field(around), small_field(around, hertz=(197.0, 439.0, 545.0))
     run = RunData({"volume": around, "field": lines, "modes/field": shapes})
     (choice,) = results.shape_blocks(run)
-    assert isinstance(choice, Choice)
+    assert isinstance(choice, Alternatives)
     first, second = (column[0] for column in choice.columns)
     assert (first.name, second.name) == ("shape-modes", "shape")
     assert first.data["numbers"] == [1, 2, 3]
