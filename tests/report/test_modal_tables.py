@@ -108,6 +108,15 @@ def test_a_model_is_a_table_of_pairs_with_the_tests():
     assert column(table, "mixed with") == ["", "3 (2 %)", ""]
 
 
+def test_a_p_value_below_all_numbers_is_not_zero():
+    tested = model("rejected", "rejected")
+    tested["p_value"][1] = 0.0
+    tested["frequencies_p_value"] = 0.0
+    _, table = modal_tables(RunData({"modes": modes(), "model": tested}))
+    assert column(table, "shape p") == ["0.4", "< 1e-300", ""]
+    assert str(table.title).endswith("; frequencies together p < 1e-300")
+
+
 def test_what_cannot_be_told_of_a_model_is_its_last_sentence():
     told = model_sentences(RunData({"model": model(), "verdict": told_of_model()}))
     assert told == ["The shapes are those measured.", f"I{LIMITS[1:]}."]
