@@ -148,7 +148,9 @@ def mode_table(modes: xr.Dataset) -> Table:
     if "phase" in modes:
         phase = VARIABLES["modes"]["phase"]
         columns.append(phase.titled("phase"))
-        cells.append([number(phase.factor * x, 3) for x in modes["phase"].values])
+        known_to = "phase_std" in modes
+        plain = [number(phase.factor * x, 3) for x in modes["phase"].values]
+        cells.append(_bounded(modes, "phase", phase.factor) if known_to else plain)
     if "modal_scale" in modes and np.isfinite(modes["modal_scale"].values).any():
         scale = VARIABLES["modes"]["modal_scale"]
         columns.append(scale.titled("modal scale"))
