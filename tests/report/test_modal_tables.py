@@ -74,6 +74,8 @@ def test_modes_are_a_table_with_bounds():
     assert column(table, "damping, %")[2] == "1.00020 ± 0.00098"
     assert column(table, "complexity, ‰")[0] == "0.200 ± 0.020"
     assert column(table, "phase, deg")[0] == "0.573"
+    (table,) = modal_tables(RunData({"modes": modes().assign(phase_std=("mode", [1e-3] * 3))}))
+    assert column(table, "phase, deg")[0] == "0.57 ± 0.11"
 
 
 def test_the_modal_scale_is_told_where_the_reference_is_known():
