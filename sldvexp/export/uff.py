@@ -82,6 +82,8 @@ class ModeDataSets(Enum):
     analysis = "analysis"
 
 
+#: At the end of the name of the file that holds the bounds of modes.
+BOUNDS = "_bounds"
 #: What shapes of strain are, in their order.
 STRAINS = {
     "strain": "Strain of the face",
@@ -108,7 +110,8 @@ class UffExport(VelocityExport):
 
     Mode shapes (``of=modes``) come with their poles, as complex modes or normal ones, and without
     spectra. Their modal mass is written as 0, for it is not known; they are peak velocities at
-    resonance.
+    resonance. Their standard errors and confidence, which programs for modes do not know, are in
+    ``<name>_bounds.uff``.
 
     Parameters
     ----------
@@ -145,14 +148,22 @@ class UffExport(VelocityExport):
         if (strain := strain_of(run)) is not None:
             with _sealed(beside(path)) as file:
                 file.writelines(self._strains(run, strain))
+        if self._of_modes:
+            # Programs that take modes take no other shapes in the file.
+            with _sealed(path.with_name(f"{path.stem}{BOUNDS}{path.suffix}")) as file:
+                file.write(units())
+                for i, f in enumerate(frequency):
+                    file.writelines(_bounds(run, found, f, i))
         with _sealed(path) as file:
             file.write(units())
             if is_field(run) or run.has("line_of_sight", "position"):
                 file.writelines(self._geometry(mesh_of(run, "uff"), is_local(found)))
+            if self._of_modes:
+                file.writelines(self._modes(run, found, frequency))
+                return
             file.writelines(self._shapes(run, found, frequency))
-            if not self._of_modes:
-                file.write(qualifiers())
-                file.writelines(_functions(run, found, frequency))
+            file.write(qualifiers())
+            file.writelines(_functions(run, found, frequency))
 
     @property
     def _of_modes(self) -> bool:
@@ -203,27 +214,36 @@ class UffExport(VelocityExport):
     def _shapes(self, run: RunData, found: xr.Dataset, frequency: Array) -> Iterator[str]:
         """Write a shape and its bounds at each frequency."""
         kind = uf.COMPLEX_MODE if self.shapes is ShapeNames.mode else uf.RESPONSE
-        poles = _poles(run, frequency) if self._of_modes else None
-        bounds = {"velocity_std": "Standard error", "confidence": "Half-width of the interval"}
         about = describe(run)
-        level = f"confidence level {about['confidence_level']}"
-        velocity = found["velocity"].values
         for i, f in enumerate(frequency):
-            where = f"components {', '.join(found['component'].values)} at {f!s} Hz"
-            if poles is None:
-                yield uf.shape(_text(about, "Velocity", where), velocity[..., i], f, i + 1, kind)
-            else:
-                yield self._mode(_text(about, "Mode shape", where), velocity[..., i], poles[i], i)
-            for name, bound in bounds_of(found).items():
-                what = f"{bounds[name]} of real and imaginary part of the velocity each"
-                text = [*_text(about, what, where)[:4], level]
-                yield uf.shape(text, bound[..., i], f, i + 1, uf.RESPONSE)
+            values = found["velocity"].values[..., i]
+            yield uf.shape(_text(about, "Velocity", _where(found, f)), values, f, i + 1, kind)
+            yield from _bounds(run, found, f, i)
 
-    def _mode(self, about: list[str], values: ComplexArray, pole: complex, i: int) -> str:
-        """Write a mode shape with its pole."""
+    def _modes(self, run: RunData, found: xr.Dataset, frequency: Array) -> Iterator[str]:
+        """Write mode shapes with their poles."""
         write = uf.mode_55 if self.modes is ModeDataSets.nodal else uf.mode_2414
-        shape = _turned_real(values) if self.shapes is ShapeNames.normal else values
-        return write(about, shape, pole, i + 1)
+        about = describe(run)
+        for i, (f, pole) in enumerate(zip(frequency, _poles(run, frequency), strict=True)):
+            values = found["velocity"].values[..., i]
+            shape = _turned_real(values) if self.shapes is ShapeNames.normal else values
+            yield write(_text(about, "Mode shape", _where(found, f)), shape, pole, i + 1)
+
+
+def _where(found: xr.Dataset, hertz: float) -> str:
+    """Say along what, and at which frequency."""
+    return f"components {', '.join(found['component'].values)} at {hertz!s} Hz"
+
+
+def _bounds(run: RunData, found: xr.Dataset, hertz: float, i: int) -> Iterator[str]:
+    """Write the bounds of the shape at a frequency, as real shapes."""
+    names = {"velocity_std": "Standard error", "confidence": "Half-width of the interval"}
+    about = describe(run)
+    level = f"confidence level {about['confidence_level']}"
+    for name, bound in bounds_of(found).items():
+        what = f"{names[name]} of real and imaginary part of the velocity each"
+        text = [*_text(about, what, _where(found, hertz))[:4], level]
+        yield uf.shape(text, bound[..., i], hertz, i + 1, uf.RESPONSE)
 
 
 def _poles(run: RunData, frequency: Array) -> ComplexArray:

@@ -138,7 +138,7 @@ def mode_table(modes: xr.Dataset) -> Table:
     misfit = f"; misfit {number(float(modes['misfit']), 3)} times the noise"
     title = f"Modes, with {level} bounds{misfit if 'misfit' in modes else ''}"
     if "misfit_p_value" in modes:
-        title += f" (p = {number(float(modes['misfit_p_value']), 2)})"
+        title += f" ({_p(modes['misfit_p_value'])})"
     columns = ["mode", *POLES]
     known = poles(modes)
     cells = [list(map(str, modes["mode"].values)), *([row[i] for row in known] for i in (0, 1))]
@@ -148,7 +148,9 @@ def mode_table(modes: xr.Dataset) -> Table:
     if "phase" in modes:
         phase = VARIABLES["modes"]["phase"]
         columns.append(phase.titled("phase"))
-        cells.append([number(phase.factor * x, 3) for x in modes["phase"].values])
+        known_to = "phase_std" in modes
+        plain = [number(phase.factor * x, 3) for x in modes["phase"].values]
+        cells.append(_bounded(modes, "phase", phase.factor) if known_to else plain)
     if "modal_scale" in modes and np.isfinite(modes["modal_scale"].values).any():
         scale = VARIABLES["modes"]["modal_scale"]
         columns.append(scale.titled("modal scale"))
@@ -178,10 +180,13 @@ def model_table(model: xr.Dataset) -> Table:
     """
     title = f"Finite element model: {verdict_on_model(model)}"
     if "frequencies_p_value" in model:
-        title += f"; frequencies together p = {number(float(model['frequencies_p_value']), 2)}"
+        title += f"; frequencies together {_p(model['frequencies_p_value'])}"
     names = ("mode", "pair", "measured, Hz", "model, Hz", "difference, ‰")
     tests = ("MAC", "expected if right", "shape p", "directed p")
-    table = Table(*names, *tests, "mixed with", title=title, title_justify="left")
+    table = Table(title=title, title_justify="left")
+    for name in (*names, *tests):
+        table.add_column(name, no_wrap=True)
+    table.add_column("mixed with")
     for mode in model["mode"].values:
         one = model.sel(mode=mode)
         cells = [str(mode), *_frequency_cells(model, one), *_shape_cells(one)]
@@ -208,9 +213,20 @@ def _shape_cells(one: xr.Dataset) -> list[str]:
     return [
         f"{float(one['mac_of_pair']):.{places}f}",
         f"{expected:.{places}f} ± {std:.{places}f}",
-        number(float(one["p_value"]), 2),
-        number(float(one["directed_p_value"]), 2),
+        _probability(one["p_value"]),
+        _probability(one["directed_p_value"]),
     ]
+
+
+def _p(value: xr.DataArray) -> str:
+    """Write a p value with its letter."""
+    text = _probability(value)
+    return f"p {text}" if text.startswith("<") else f"p = {text}"
+
+
+def _probability(value: xr.DataArray) -> str:
+    """Write a p value; one that no number is small enough for is less than any."""
+    return number(float(value), 2) if float(value) != 0 else "< 1e-300"
 
 
 def mixed_modes(model: xr.Dataset, one: xr.Dataset) -> str:

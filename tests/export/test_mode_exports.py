@@ -69,6 +69,26 @@ def test_modes_come_with_the_geometry_and_without_spectra(modal, tmp_path):
         assert not {58, 1858} & set(kinds)
 
 
+def test_bounds_of_modes_are_in_a_file_of_their_own(modal, tmp_path):
+    path = UffExport(**OF).export(modal, tmp_path, "modes")
+    assert {s["analysis_type"] for s in sets_of(path, 55)} == {writer.COMPLEX_MODE}
+    bounds = sets_of(tmp_path / "modes_bounds.uff", 55)
+    assert [s["analysis_type"] for s in bounds] == [writer.RESPONSE] * 6
+    first = modal.groups["modes/field"]["velocity_std"].values[..., 0]
+    read = np.stack([bounds[0][f"r{k}"] for k in (1, 2, 3)], axis=1)
+    np.testing.assert_allclose(read, first[known(first)], rtol=5e-6)
+
+
+@pytest.mark.whole
+def test_sdynpy_takes_mode_shapes(modal, tmp_path, monkeypatch):
+    monkeypatch.setenv("QT_QPA_PLATFORM", "offscreen")  # or it ends the process
+    sdynpy = pytest.importorskip("sdynpy")
+    path = UffExport(**OF).export(modal, tmp_path, "modes")
+    shapes = sdynpy.shape.from_unv(sdynpy.unv.readunv(str(path)))
+    np.testing.assert_allclose(shapes.frequency.ravel(), NATURAL, rtol=1e-5)
+    np.testing.assert_allclose(shapes.damping.ravel(), DAMPING, rtol=1e-4)
+
+
 def test_normal_modes_have_frequency_damping_and_real_shapes(modal, tmp_path):
     path = UffExport(shapes=ShapeNames.normal, **OF).export(modal, tmp_path, "modes")
     shapes = [s for s in sets_of(path, 55) if s["analysis_type"] == writer.NORMAL_MODE]

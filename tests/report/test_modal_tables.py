@@ -9,8 +9,8 @@ from sldvexp.plot import figures_of
 from sldvexp.report import closing_lines, closing_table
 from sldvexp.report.html import modal, results, run_page, shape
 from sldvexp.report.html.blocks import (
+    Alternatives,
     Beside,
-    Choice,
     Figure,
     HtmlTable,
     Listing,
@@ -74,6 +74,8 @@ def test_modes_are_a_table_with_bounds():
     assert column(table, "damping, %")[2] == "1.00020 ± 0.00098"
     assert column(table, "complexity, ‰")[0] == "0.200 ± 0.020"
     assert column(table, "phase, deg")[0] == "0.573"
+    (table,) = modal_tables(RunData({"modes": modes().assign(phase_std=("mode", [1e-3] * 3))}))
+    assert column(table, "phase, deg")[0] == "0.57 ± 0.11"
 
 
 def test_the_modal_scale_is_told_where_the_reference_is_known():
@@ -106,6 +108,15 @@ def test_a_model_is_a_table_of_pairs_with_the_tests():
     assert column(table, "expected if right")[0] == "0.9999100 ± 0.0000020"
     assert column(table, "shape p") == ["0.4", "1e-09", ""]
     assert column(table, "mixed with") == ["", "3 (2 %)", ""]
+
+
+def test_a_p_value_below_all_numbers_is_not_zero():
+    tested = model("rejected", "rejected")
+    tested["p_value"][1] = 0.0
+    tested["frequencies_p_value"] = 0.0
+    _, table = modal_tables(RunData({"modes": modes(), "model": tested}))
+    assert column(table, "shape p") == ["0.4", "< 1e-300", ""]
+    assert str(table.title).endswith("; frequencies together p < 1e-300")
 
 
 def test_what_cannot_be_told_of_a_model_is_its_last_sentence():
@@ -172,7 +183,7 @@ def test_mode_shapes_are_shown_first_and_the_lines_can_be_chosen(
     lines, shapes = small_field(around), small_field(around, hertz=(197.0, 439.0, 545.0))
     run = RunData({"volume": around, "field": lines, "modes/field": shapes})
     (choice,) = results.shape_blocks(run)
-    assert isinstance(choice, Choice)
+    assert isinstance(choice, Alternatives)
     first, second = (column[0] for column in choice.columns)
     assert (first.name, second.name) == ("shape-modes", "shape")
     assert first.data["numbers"] == [1, 2, 3]

@@ -151,7 +151,7 @@ class Beside:
 
 
 @dataclass(frozen=True)
-class Choice:
+class Alternatives:
     """Columns of which one is shown, the first until another is chosen.
 
     Parameters

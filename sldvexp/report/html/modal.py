@@ -25,8 +25,6 @@ from sldvexp.report.modal_tables import (
 from sldvexp.report.numbers import number
 from sldvexp.typing import Array, ComplexArray
 
-#: Column of the model's table whose cells may be broken into lines.
-MIXED_WITH = 9
 #: Component of a velocity along the line of sight.
 BEAM = "beam"
 
@@ -59,7 +57,7 @@ def model_section(run: RunData) -> Section | None:
         "Model",
         having(
             Text(f"The model is {verdict}.", tone),
-            HtmlTable.from_table(model_table(model), (MIXED_WITH,)),
+            HtmlTable.from_table(model_table(model)),
             Text(note, "small"),
             _adjusted(model),
             Listing(model_sentences(run)),

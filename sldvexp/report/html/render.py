@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from sldvexp.lazy import jinja2, markupsafe
-from sldvexp.report.html.blocks import Beside, Choice, Lead, Link, More, Section, Shape
+from sldvexp.report.html.blocks import Alternatives, Beside, Lead, Link, More, Section, Shape
 from sldvexp.writing import whole_or_nothing
 
 #: What draws the moving shape; each uses those before it.
@@ -85,6 +85,6 @@ def _within(blocks: Sequence[Any]) -> Iterator[Any]:
         yield block
         if isinstance(block, More | Lead):
             yield from _within(block.blocks)
-        if isinstance(block, Beside | Choice):
+        if isinstance(block, Beside | Alternatives):
             for column in block.columns:
                 yield from _within(column)

@@ -15,7 +15,7 @@ from sldvexp.dataset import FREQUENCY, VARIABLES, RunData
 from sldvexp.lazy import xarray as xr
 from sldvexp.report.html import packing
 from sldvexp.report.html.blocks import (
-    Choice,
+    Alternatives,
     HtmlTable,
     Lead,
     More,
@@ -247,13 +247,9 @@ def shape_blocks(run: RunData, name: str = "shape") -> list[Any]:
     modes = mode_shapes(run, f"{name}-modes")
     taken = sum(size_of(block.data) for block in modes if isinstance(block, Shape))
     lines = lines_shape(run, name, taken)
-    shown = [Choice(f"{name}-of", "Shown", CHOSEN, (modes, lines))] if modes and lines else lines
-    return having(shown, figures(run, "shape") if lines_have_shape(lines) else None)
-
-
-def lines_have_shape(blocks: Sequence[Any]) -> bool:
-    """Tell whether there is a shape among blocks."""
-    return any(isinstance(block, Shape) for block in blocks)
+    both = Alternatives(f"{name}-of", "Shown", CHOSEN, (modes, lines)) if modes else None
+    drawn = any(isinstance(block, Shape) for block in lines)
+    return having(both or lines, figures(run, "shape") if drawn else None)
 
 
 def mode_shapes(run: RunData, name: str) -> list[Any]:
