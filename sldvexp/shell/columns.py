@@ -7,6 +7,11 @@ instead of the lines, and lines put together from them again. A line's variance 
 that of the fitted columns and that of W itself:
 
     var(v_c) = sum_j W_cj^2 var_j + sum_j (mean_j / S_j)^2.
+
+Signal that stays below that limit is let go with the noise, and may still be many standard errors
+of a line. So what is let go is held against the noise it would be by itself, and what it has more
+of, ``sldvexp.shell.evidence.WeightedFit.overlooked``, is a third part of a line's variance, in the
+share ``1 - sum_j W_cj^2`` of the line that is not fitted.
 """
 
 from __future__ import annotations
@@ -85,6 +90,25 @@ class SignalColumns:
         of_columns += np.sum((mean / self.size) ** 2, axis=-1, keepdims=True)
         real, imaginary = np.split(of_columns, 2, axis=-1)
         return self.combined(mean), np.stack([real, imaginary]) * self.scale**2
+
+    @property
+    def left_out(self) -> Array:
+        """Share of every line's parts that no column holds, shape (part, frequency)."""
+        if np.isinf(self.size).all():
+            return np.zeros((2, len(self.scale)))
+        left = np.maximum(1 - (self.combination**2).sum(axis=0), 0.0)
+        return np.stack(np.split(left, 2))
+
+    def of_left_out(self, variance: Array) -> Array:
+        """Spread what is left out over the lines, as variances, (part, ..., frequency).
+
+        Parameters
+        ----------
+        variance : ndarray, shape (...)
+            Of a column that is not fitted.
+        """
+        real, imaginary = self.left_out
+        return np.stack([variance[..., None] * part for part in (real, imaginary)]) * self.scale**2
 
     def quadratic(self, gram: Array) -> Array:
         """Compute variances of both parts, (part, ..., frequency), from those of reduced columns.

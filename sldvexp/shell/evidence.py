@@ -115,6 +115,15 @@ class Level:
         of_inner = _solve(self.lower, columns[self.inner])
         return of_inner, self.whitener @ (columns[self.outer] - self.coupling.T @ of_inner)
 
+    def whitened_twice(self, matrix: Array, scale: Array) -> Array:
+        """Compute ``T M T'`` of a symmetric matrix, with ``T'T = H^-1``, b before m."""
+
+        def once(columns: Array) -> Array:
+            own, others = self.whitened(columns)
+            return np.concatenate([own, np.sqrt(scale)[:, None] * others])
+
+        return once(once(matrix).T)
+
     def coefficients(self, of_inner: Array, of_outer: Array) -> Array:
         """Turn back what is whitened: ``H^-1 f`` is that of a and of g times the scale."""
         found = np.empty((len(self.inner) + len(self.outer), of_inner.shape[1]))
@@ -269,6 +278,52 @@ class WeightedFit:
                 of_inner, of_outer = level.whitened(right)
                 scale = level.scale @ of_level
                 yield level.coefficients(of_inner * of_level.sum(axis=0), of_outer * scale)
+
+    def overlooked(self, noise: Array, energy: Array, count: int) -> Array:
+        """Bound signal in columns of data that are taken for noise, over their noise.
+
+        Coefficients of each block, whitened by ``T'T = H^-1`` of the last column, have the energy
+        ``count tr K`` with ``K = T C T'`` if there is noise alone, with the standard error
+        ``sqrt(2 count) |K|``. Signal has what they have beyond it, and one standard error more.
+
+        Parameters
+        ----------
+        noise : ndarray, shape (coefficient, coefficient)
+            C, the covariance of ``A'y`` of one of them if it is noise.
+        energy : ndarray, shape (coefficient, coefficient)
+            ``A'Y Y'A`` of these columns.
+        count : int
+            How many they are.
+
+        Returns
+        -------
+        ndarray, shape (2,)
+            Signal over noise of the block b and of the block m given b, as variances.
+        """
+        over = np.zeros(2)
+        for level, scale, share in self._of_last():
+            first = len(level.inner)
+            own, found = (level.whitened_twice(m, scale) for m in (noise, energy))
+            for k, block in enumerate((slice(first), slice(first, None))):
+                alone = count * np.trace(own[block, block])
+                error = np.sqrt(2 * count) * np.linalg.norm(own[block, block])
+                excess = np.trace(found[block, block]) - alone + error
+                over[k] += share * max(excess, 0.0) / alone
+        return over
+
+    def by_block(self, rows: Array) -> Array:
+        """Split the variance of functionals of the last column, shape (functional, 2)."""
+        found = np.zeros((len(rows), 2))
+        for level, scale, share in self._of_last():
+            own, others = level.whitened(rows.T)
+            found += share * np.stack([(own**2).sum(axis=0), scale @ others**2], axis=1)
+        return found
+
+    def _of_last(self) -> Iterator[tuple[Level, Array, float]]:
+        """Give the weights that count for the last column, and their shares."""
+        for level, share in zip(self.levels, self.share, strict=True):
+            for k in np.flatnonzero(share[:, -1]):
+                yield level, level.scale[:, k], float(share[k, -1])
 
     def evaluate(self, rows: Array) -> tuple[Array, Array]:
         """Compute mean and variance of linear functionals, shape (functional, column) each.

@@ -186,6 +186,8 @@ class SurfaceFit:
     bounding : SurfaceFit, optional
         The same fit with the largest motion of the middle along itself that the data do not reject.
         Bounds are made by it; without it by this one.
+    overlooked : ndarray, shape (2,), optional
+        Signal in what no column holds, over noise, as `WeightedFit.overlooked` has it.
     """
 
     shell: ThinShell
@@ -203,6 +205,7 @@ class SurfaceFit:
     calibration: slice
     pointed: list[Array]
     bounding: SurfaceFit | None = None
+    overlooked: Array | None = None
 
     @cached_property
     def size(self) -> Array:
@@ -272,6 +275,8 @@ class SurfaceFit:
         goes_along, rest = bounding.nuisances.by_source(self.calibration)
         # one shift of all columns together
         noise = own + squares((other - mean)[:, None])
+        if self.overlooked is not None:
+            noise += self.columns.of_left_out(self.posterior.by_block(rows) @ self.overlooked)
         found = {"noise": noise, "pose": squares(np.einsum("fec,em->fmc", gain, rest))}
         if self.pointed:
             found["pointing"] = squares(np.stack([rows @ p for p in self.pointed], axis=-1))
@@ -340,7 +345,7 @@ def fit(
         if np.linalg.norm(np.linalg.lstsq(errors.factor, moved - found.at)[0]) < SETTLED:
             break
         found, of_errors = equations.at(moved)
-    found = equations.bounded(found, of_errors)
+    found = replace(equations.bounded(found, of_errors), overlooked=equations.overlooked(found))
     return replace(found, pointed=equations.pointed(found))
 
 
@@ -361,14 +366,14 @@ class _Equations:
     @cached_property
     def columns(self) -> SignalColumns:
         """Columns that carry the signal."""
+        return SignalColumns.of(self._white, self.measured.scale)
+
+    def _white(self) -> Iterator[Array]:
+        """Give velocities of some pixels at a time over their noise, real parts before others."""
         m = self.measured
-
-        def white() -> Iterator[Array]:
-            for k, some, block in blocks(self.pixels):
-                own = m.velocity(k, block) / m.pixel_std[some, None] / m.scale
-                yield np.concatenate([own.real, own.imag], axis=1)
-
-        return SignalColumns.of(white, m.scale)
+        for k, some, block in blocks(self.pixels):
+            own = m.velocity(k, block) / m.pixel_std[some, None] / m.scale
+            yield np.concatenate([own.real, own.imag], axis=1)
 
     def at(self, at: Array) -> tuple[SurfaceFit, ErrorEquations]:
         """Fit with poses, height and thickness that are off by so much."""
@@ -425,6 +430,22 @@ class _Equations:
         nuisances = self._nuisances(equations, most, solved)
         bounding = replace(found, posterior=most, solved=solved, nuisances=nuisances)
         return replace(found, bounding=bounding)
+
+    def overlooked(self, found: SurfaceFit) -> Array | None:
+        """Bound signal in what no column holds, as `SurfaceFit.overlooked` has it."""
+        count = 2 * len(self.columns.scale) - len(self.columns.size)
+        if not count:
+            return None
+        size = self.shell.coefficients
+        normal, crossed = np.zeros((size, size)), np.zeros((size, 2 * len(self.columns.scale)))
+        for (_, some, block), white in zip(blocks(found.pixels), self._white(), strict=True):
+            design = block.design(self.shell, found.face) / self.measured.pixel_std[some, None]
+            left = white - self.columns.data[some] @ self.columns.combination
+            normal += design.T @ design
+            crossed += design.T @ left
+        # Columns took with them the noise of all lines that is alike to them over the pixels.
+        alike = found.posterior.reduced / self.columns.size
+        return found.posterior.overlooked(normal - alike @ alike.T, crossed @ crossed.T, count)
 
     def _nuisances(
         self, equations: ErrorEquations, posterior: WeightedFit, solved: list[Array]
