@@ -25,7 +25,8 @@ from sldvexp.pose.uncertainty import half_width, standard_error
 from sldvexp.scan import Scan, ScanPart
 from sldvexp.scan.by_hand import ByHand
 from sldvexp.sweep import recorded_config
-from sldvexp.targets import Circles, Target, shade_told, shaded_circles
+from sldvexp.targets import Circles, Target, shaded_circles
+from sldvexp.targets.shadows import shade_told
 from sldvexp.typing import Array
 from sldvexp.units import LengthUnit, unit_named
 

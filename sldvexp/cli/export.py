@@ -53,7 +53,7 @@ def run(words: list[str], config_dir: str | None) -> int:
         files: list[Path] = []
         for name, export in zip(formats, exports, strict=True):
             with doing(f"format {len(files) + 1} of {len(formats)}: {name}"):
-                files.append(export.export(found, made, export.called))
+                files.append(export.export(found, made, export.usual_name))
     for file in files:
         print(path.parent / file.relative_to(made))
     return 0

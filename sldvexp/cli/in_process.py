@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import shlex
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -14,10 +15,11 @@ from omegaconf import DictConfig
 from sldvexp import dataset, session
 from sldvexp.cli.commands import KEY
 from sldvexp.cli.main import Command, hydra_raises
-from sldvexp.config.paths import RUN_FILE
+from sldvexp.config.paths import JOURNAL, RUN_FILE
 from sldvexp.errors import UserError
 from sldvexp.lazy import xarray as xr
 from sldvexp.limits import shown
+from sldvexp.session.journal import lines_kept
 from sldvexp.stopping import handlers_kept
 
 __version__ = version("sldvexp")
@@ -92,7 +94,8 @@ def watched_run(
     Raises
     ------
     UserError
-        For a mistake in the settings or the data, with the sentence that the command prints.
+        For a mistake in the settings or the data, with the sentence that the command prints; it
+        says too how a scan goes on of which something is kept.
     """
     added = ["--config-dir", config_dir] if Path(config_dir).is_dir() else []
     call = _Call([*settings, *added], quiet=True)
@@ -100,7 +103,11 @@ def watched_run(
     with hydra_raises(), _as_a_command(call.arguments), handlers_kept():
         call.run()
     if call.told:
-        raise UserError("\n".join(call.told))
+        kept = ""
+        if call.folder is not None and any(lines_kept(call.folder / JOURNAL).values()):
+            folder = shlex.quote(str(call.folder))
+            kept = f". What is scanned is kept: sldvexp resume={folder} goes on."
+        raise UserError("\n".join(call.told) + kept)
     assert call.folder is not None  # a call that is refused says so
     return call.folder
 

@@ -30,7 +30,8 @@ from sldvexp.planner.planned import StandPlan, sampling_of
 from sldvexp.plot import save
 from sldvexp.plot.catalogue import USUAL
 from sldvexp.sweep import recorded_config
-from sldvexp.targets import shade_told, shaded_circles
+from sldvexp.targets import shaded_circles
+from sldvexp.targets.shadows import shade_told
 
 #: Options of this command with what they take.
 OPTIONS = COMMAND_HELP["plan"].options

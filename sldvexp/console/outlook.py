@@ -80,7 +80,7 @@ class Outlook:
         self.rims = circle_rims(target) if isinstance(target, Circles) else []
         self.structure = [] if volume is None else surface_outlines(volume)
         parts = (p for p in parts_of(experiment).values() if isinstance(p, Rectangle))
-        self.region = next((part for part in parts if part.corners_at), None)
+        self.region = next(parts, None)
 
     def of(self, marks: Mapping[Name, Steps], view: str) -> Foresight:
         """Tell what the marks of a view tell, and its rough pose."""
@@ -92,7 +92,7 @@ class Outlook:
             return self._by_rough_pose(known, view, aiming.contradiction())
         if aiming.pose is None:
             return Foresight(told=aiming.weakness() or aiming.contradiction())
-        found = self._foreseen(aiming.poses)
+        found = self._foreseen(aiming.poses, view)
         for name, place in self.places.items():
             if name in marks and (off := aiming.residual(place.name)) is not None:
                 found.residual[name] = float(np.hypot(*off.steps))
@@ -115,7 +115,8 @@ class Outlook:
         if known:
             points = np.array([self.places[name].position for name in known])
             pose = corrected_pose(points, np.array(list(known.values()), float), *pose, self.laser)
-        found = self._foreseen([RoughPose(*pose, np.zeros((6, 6)), cost=0, dof=0, probability=1)])
+        likely = RoughPose(*pose, np.zeros((6, 6)), cost=0, dof=0, probability=1)
+        found = self._foreseen([likely], view)
         place = f"the instrument stands at about {_metres(pose[1])} m."
         if not known:
             searched = " Circles are searched from there: scan at once," if self.rims else " Scan,"
@@ -128,7 +129,7 @@ class Outlook:
         found.told += f" But {wrong}." if wrong else ""
         return found
 
-    def _foreseen(self, poses: Sequence[RoughPose]) -> Foresight:
+    def _foreseen(self, poses: Sequence[RoughPose], view: str) -> Foresight:
         """Predict all places, outlines and corners by the likeliest poses."""
 
         def seen(points: Array) -> Array:
@@ -142,17 +143,18 @@ class Outlook:
         outlines = [seen(points) for points in (*self.rims, *self.structure)]
         found.outlines = [dac[np.isfinite(dac).all(axis=1)] for dac in outlines]
         if CORNER in self.wanted:
-            corners = self._region(poses[0]) or self._box(found.outlines[len(self.rims) :])
+            corners = self._region(poses[0], view) or self._box(found.outlines[len(self.rims) :])
             found.predicted |= {(CORNER, k): (u, v) for k, (u, v) in enumerate(corners, 1)}
         return found
 
-    def _region(self, pose: RoughPose) -> list[list[int]]:
+    def _region(self, pose: RoughPose, view: str) -> list[list[int]]:
         """Say the corners of the scan's own region; none if it has none, or not all is seen."""
         if self.region is None:
             return []
+        own = self.region.views.get(view, ScanRegion()).corners_at
         at = KnownPose(euler_from_rotation(pose.rotation).tolist(), pose.origin.tolist())
         with suppress(UserError):
-            only = replace(self.region, views={"seen": ScanRegion(pose=at)})
+            only = replace(self.region, views={"seen": ScanRegion(pose=at, corners_at=own)})
             return only.aimed(self.laser, None).views["seen"].corners
         return []
 

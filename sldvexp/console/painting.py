@@ -146,10 +146,10 @@ class Painter:
         shown = f"{line.view} {SEARCH if line.searches else line.lines.partition('_')[0]}"
         before = self._kept.setdefault(shown, []) if line.kind == CIRCLES else []
         square = self._squares.get(shown) or self._square(line)
-        if line.searches:
+        if line.kind == CIRCLES:
             dac = np.concatenate([part.dac for part in (*before, *parts)])
             if (dac < square[0]).any() or (dac >= square[1]).any():
-                square = square_around(dac, GROWN)
+                square = square_around(dac, GROWN if line.searches else AROUND)
         added = parts
         if shown != self._shown or square != self._squares.get(shown):
             self._board.begin("image", low=square[0], high=square[1], name=shown)

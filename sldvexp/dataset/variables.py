@@ -93,6 +93,9 @@ VARIABLES: dict[str, dict[str, Variable]] = {
         "scale_std": _V(
             "[frequency]", "1", "standard error of a factor that all pixels of a mode share"
         ),
+        "phase_std": _V(
+            "[frequency]", "rad", "standard error of a phase that all pixels of a mode share"
+        ),
     },
     "modes": {
         "natural_frequency": _V("mode", "Hz", "natural frequency: modulus of the pole over 2 pi"),
@@ -105,8 +108,11 @@ VARIABLES: dict[str, dict[str, Variable]] = {
             "covariance of ln natural frequency of all modes, then of ln damping ratio",
         ),
         "scale_std": _V("mode", "1", "standard error of a factor of the mode's whole shape"),
+        "phase_std": _V("mode", "rad", "standard error of the phase of the mode's whole shape"),
         "mixing_std": _V(
-            "mode mode2", "1", "standard error of the share of the second mode in the first's shape"
+            "part mode mode2",
+            "1",
+            "standard error of the share of the second mode in the first's shape",
         ),
         "complexity": _V("mode", "1", "1 - modal phase collinearity; 0 if all moves in phase"),
         "complexity_std": _V("mode", "1", "its standard error"),
@@ -175,7 +181,7 @@ VARIABLES: dict[str, dict[str, Variable]] = {
         "adjusted_p_value": _V("", "1", "probability of what the adjusted model leaves"),
         "line_frequency": _V("line", "Hz", "frequency of the measured line"),
         "csac": _V("line", "1", "CSAC: measured against the model's response over all pixels"),
-        "csac_expected": _V("line", "1", "its expected value if the model is right"),
+        "csac_expected": _V("line", "1", "its expected value under noise alone"),
         "csac_std": _V("line", "1", "its standard deviation then"),
     },
     "model/shape": {
@@ -190,10 +196,10 @@ VARIABLES: dict[str, dict[str, Variable]] = {
         "residual": _V("pixel paired_mode", "m/s", "measured minus that"),
         "position": _V("pixel axis", "m", "where the beam meets the model"),
         "comac": _V("pixel", "1", "CoMAC over the paired modes"),
-        "comac_expected": _V("pixel", "1", "its expected value if the model is right"),
+        "comac_expected": _V("pixel", "1", "its expected value under noise alone"),
         "comac_std": _V("pixel", "1", "its standard deviation then"),
         "frac": _V("pixel", "1", "FRAC: measured against the model's response over all lines"),
-        "frac_expected": _V("pixel", "1", "its expected value if the model is right"),
+        "frac_expected": _V("pixel", "1", "its expected value under noise alone"),
         "frac_std": _V("pixel", "1", "its standard deviation then"),
     },
     "pose": {

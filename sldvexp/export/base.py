@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
+from enum import Enum
 from pathlib import Path
 from typing import ClassVar
 
 from sldvexp.dataset.run_data import RunData
 from sldvexp.errors import UserError, nearest
-from sldvexp.export.velocities import GROUPS
+from sldvexp.export.velocities import GROUPS, with_modes
 
 
 class Export(ABC):
@@ -20,7 +22,7 @@ class Export(ABC):
     suffix : str
         How the file's name ends.
     called : str
-        Name of the file where nobody gives another.
+        Name of the file, as a rule, where nobody gives another.
     groups : tuple of str
         Groups of the run that it looks at; with a slash at the end, all below.
     """
@@ -28,6 +30,11 @@ class Export(ABC):
     suffix: ClassVar[str]
     called: ClassVar[str] = "velocity"
     groups: ClassVar[tuple[str, ...]] = GROUPS
+
+    @property
+    def usual_name(self) -> str:
+        """Name of the file where nobody gives another."""
+        return self.called
 
     @abstractmethod
     def write(self, run: RunData, path: Path) -> None:
@@ -70,6 +77,44 @@ class Export(ABC):
         path = folder / f"{name}{self.suffix}"
         self.write(run, path)
         return path
+
+
+class VelocitiesOf(Enum):
+    """What the exported velocities are.
+
+    Attributes
+    ----------
+    lines
+        Those at the frequencies of the excitation.
+    modes
+        Mode shapes, each at its natural frequency; as peak velocities at resonance.
+    """
+
+    lines = "lines"
+    modes = "modes"
+
+
+@dataclass
+class VelocityExport(Export):
+    """Base of the formats that hold velocities over a field or at points.
+
+    Parameters
+    ----------
+    of : VelocitiesOf
+        What is written: the velocities at the lines, or mode shapes.
+    """
+
+    of: VelocitiesOf = field(default=VelocitiesOf.lines, kw_only=True)
+
+    @property
+    def usual_name(self) -> str:
+        """Name of the file where nobody gives another; that of modes is another one."""
+        return "modes" if self.of is VelocitiesOf.modes else self.called
+
+    def export(self, run: RunData, folder: Path, name: str) -> Path:
+        """Write what is chosen of the run, see `Export.export`."""
+        chosen = with_modes(run) if self.of is VelocitiesOf.modes else run
+        return super().export(chosen, folder, name)
 
 
 def one_view(format_name: str, chosen: str, views: Collection[str]) -> str:

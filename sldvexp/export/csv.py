@@ -10,7 +10,7 @@ import numpy as np
 
 from sldvexp.config.registry import register
 from sldvexp.dataset.run_data import RunData
-from sldvexp.export.base import Export
+from sldvexp.export.base import VelocityExport
 from sldvexp.export.strains import REAL, beside, strain_of
 from sldvexp.export.velocities import (
     bounds_of,
@@ -26,7 +26,7 @@ from sldvexp.writing import whole_or_nothing
 
 @register("export", "csv")
 @dataclass
-class Csv(Export):
+class Csv(VelocityExport):
     """A row for each node or point, component and frequency, with units in the header.
 
     Positions are there where the run knows them. Numbers have all their digits. What is not

@@ -10,7 +10,7 @@ import numpy as np
 
 from sldvexp.config.registry import register
 from sldvexp.dataset.run_data import RunData
-from sldvexp.export.base import Export
+from sldvexp.export.base import VelocityExport
 from sldvexp.export.strains import strain_of
 from sldvexp.export.velocities import (
     bounds_of,
@@ -26,7 +26,7 @@ from sldvexp.writing import whole_or_nothing
 
 @register("export", "mat")
 @dataclass
-class Mat(Export):
+class Mat(VelocityExport):
     """A MATLAB v5 file with one struct, ``sldvexp``.
 
     ``velocity(node, component, frequency)`` is complex and in m/s, as is what bounds it;

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from sldvexp.dataset import FREQUENCY, VARIABLES
 from sldvexp.dataset.run_data import RunData
 from sldvexp.errors import Checks, UserError
-from sldvexp.export.base import Export
+from sldvexp.export.base import VelocityExport
 from sldvexp.export.strains import strain_of
 from sldvexp.export.velocities import (
     PrismMesh,
@@ -54,7 +54,7 @@ class MotionColour(Enum):
 
 
 @dataclass
-class MovingExport(Export):
+class MovingExport(VelocityExport):
     """Base of the exports that show the surface in motion.
 
     Parameters

@@ -13,7 +13,7 @@ import numpy as np
 from sldvexp.config.registry import register
 from sldvexp.dataset.run_data import RunData
 from sldvexp.errors import UserError
-from sldvexp.export.base import Export
+from sldvexp.export.base import VelocitiesOf, VelocityExport
 from sldvexp.export.strains import beside, strain_of, symmetric_tensor
 from sldvexp.export.velocities import (
     PrismMesh,
@@ -29,7 +29,7 @@ from sldvexp.io.uff import writer as uf
 from sldvexp.io.uff.seal import SealedWriter
 from sldvexp.io.uff.writer import qualifiers, units
 from sldvexp.lazy import xarray as xr
-from sldvexp.typing import Array
+from sldvexp.typing import Array, ComplexArray
 from sldvexp.writing import whole_or_nothing
 
 
@@ -57,12 +57,33 @@ class ShapeNames(Enum):
         A frequency response, which they are: operating deflection shapes.
     mode
         Undamped complex modes, for programs that animate nothing else.
+    normal
+        Real shapes with frequency and damping, turned in phase to be as real as can be; of mode
+        shapes alone, which are complex modes otherwise.
     """
 
     response = "response"
     mode = "mode"
+    normal = "normal"
 
 
+class ModeDataSets(Enum):
+    """Data sets that mode shapes are written in.
+
+    Attributes
+    ----------
+    nodal
+        55, which every program reads.
+    analysis
+        2414, its successor.
+    """
+
+    nodal = "nodal"
+    analysis = "analysis"
+
+
+#: At the end of the name of the file that holds the bounds of modes.
+BOUNDS = "_bounds"
 #: What shapes of strain are, in their order.
 STRAINS = {
     "strain": "Strain of the face",
@@ -73,7 +94,7 @@ STRAINS = {
 
 @register("export", "uff")
 @dataclass
-class UffExport(Export):
+class UffExport(VelocityExport):
     """Geometry, shapes at every frequency and spectra of every node and direction, SI units.
 
     A checksum of all lines comes first (151), by which this program sees later damage. Shapes
@@ -87,16 +108,24 @@ class UffExport(Export):
     (55) of symmetric tensors along the axes of each node, complex, with its standard error and
     confidence after it; xx, xy and yy are those of the surface, the others zero.
 
+    Mode shapes (``of=modes``) come with their poles, as complex modes or normal ones, and without
+    spectra. Their modal mass is written as 0, for it is not known; they are peak velocities at
+    resonance. Their standard errors and confidence, which programs for modes do not know, are in
+    ``<name>_bounds.uff``.
+
     Parameters
     ----------
     geometry : GeometryDataSets
         Data sets for nodes, elements and coordinate systems.
     shapes : ShapeNames
         What a shape is called.
+    modes : ModeDataSets
+        Data sets for mode shapes.
     """
 
     geometry: GeometryDataSets = GeometryDataSets.current
     shapes: ShapeNames = ShapeNames.response
+    modes: ModeDataSets = ModeDataSets.nodal
 
     suffix = ".uff"
 
@@ -108,6 +137,8 @@ class UffExport(Export):
         UserError
             If the frequencies of the run are not known.
         """
+        if self.shapes is ShapeNames.normal and not self._of_modes:
+            raise UserError("export=uff: shapes=normal is for mode shapes; add of=modes")
         found = velocities_of(run)
         if (frequency := frequencies_of(found)) is None:
             raise UserError(
@@ -117,13 +148,27 @@ class UffExport(Export):
         if (strain := strain_of(run)) is not None:
             with _sealed(beside(path)) as file:
                 file.writelines(self._strains(run, strain))
+        if self._of_modes:
+            # Programs that take modes take no other shapes in the file.
+            with _sealed(path.with_name(f"{path.stem}{BOUNDS}{path.suffix}")) as file:
+                file.write(units())
+                for i, f in enumerate(frequency):
+                    file.writelines(_bounds(run, found, f, i))
         with _sealed(path) as file:
             file.write(units())
             if is_field(run) or run.has("line_of_sight", "position"):
                 file.writelines(self._geometry(mesh_of(run, "uff"), is_local(found)))
+            if self._of_modes:
+                file.writelines(self._modes(run, found, frequency))
+                return
             file.writelines(self._shapes(run, found, frequency))
             file.write(qualifiers())
             file.writelines(_functions(run, found, frequency))
+
+    @property
+    def _of_modes(self) -> bool:
+        """Tell whether shapes are those of modes."""
+        return self.of is VelocitiesOf.modes
 
     def _geometry(self, mesh: PrismMesh, local: bool) -> Iterator[str]:
         """Write coordinate systems, nodes and elements."""
@@ -169,17 +214,54 @@ class UffExport(Export):
     def _shapes(self, run: RunData, found: xr.Dataset, frequency: Array) -> Iterator[str]:
         """Write a shape and its bounds at each frequency."""
         kind = uf.COMPLEX_MODE if self.shapes is ShapeNames.mode else uf.RESPONSE
-        bounds = {"velocity_std": "Standard error", "confidence": "Half-width of the interval"}
         about = describe(run)
-        level = f"confidence level {about['confidence_level']}"
-        velocity = found["velocity"].values
         for i, f in enumerate(frequency):
-            where = f"components {', '.join(found['component'].values)} at {f!s} Hz"
-            yield uf.shape(_text(about, "Velocity", where), velocity[..., i], f, i + 1, kind)
-            for name, bound in bounds_of(found).items():
-                what = f"{bounds[name]} of real and imaginary part of the velocity each"
-                text = [*_text(about, what, where)[:4], level]
-                yield uf.shape(text, bound[..., i], f, i + 1, uf.RESPONSE)
+            values = found["velocity"].values[..., i]
+            yield uf.shape(_text(about, "Velocity", _where(found, f)), values, f, i + 1, kind)
+            yield from _bounds(run, found, f, i)
+
+    def _modes(self, run: RunData, found: xr.Dataset, frequency: Array) -> Iterator[str]:
+        """Write mode shapes with their poles."""
+        write = uf.mode_55 if self.modes is ModeDataSets.nodal else uf.mode_2414
+        about = describe(run)
+        for i, (f, pole) in enumerate(zip(frequency, _poles(run, frequency), strict=True)):
+            values = found["velocity"].values[..., i]
+            shape = _turned_real(values) if self.shapes is ShapeNames.normal else values
+            yield write(_text(about, "Mode shape", _where(found, f)), shape, pole, i + 1)
+
+
+def _where(found: xr.Dataset, hertz: float) -> str:
+    """Say along what, and at which frequency."""
+    return f"components {', '.join(found['component'].values)} at {hertz!s} Hz"
+
+
+def _bounds(run: RunData, found: xr.Dataset, hertz: float, i: int) -> Iterator[str]:
+    """Write the bounds of the shape at a frequency, as real shapes."""
+    names = {"velocity_std": "Standard error", "confidence": "Half-width of the interval"}
+    about = describe(run)
+    level = f"confidence level {about['confidence_level']}"
+    for name, bound in bounds_of(found).items():
+        what = f"{names[name]} of real and imaginary part of the velocity each"
+        text = [*_text(about, what, _where(found, hertz))[:4], level]
+        yield uf.shape(text, bound[..., i], hertz, i + 1, uf.RESPONSE)
+
+
+def _poles(run: RunData, frequency: Array) -> ComplexArray:
+    """Give the poles of the modes at these natural frequencies, rad/s."""
+    modes = run.groups["modes"]
+    known = modes["natural_frequency"].values
+    own = np.abs(known[:, None] - frequency).argmin(axis=0)
+    damping = modes["damping_ratio"].values[own]
+    natural = 2 * np.pi * frequency
+    poles: ComplexArray = natural * (-damping + 1j * np.sqrt(1 - damping**2))
+    return poles
+
+
+def _turned_real(values: ComplexArray) -> Array:
+    """Turn a shape in phase so that the real part has most of it, and take that."""
+    turn = 0.5 * np.angle(np.nansum(values**2))
+    real: Array = (values * np.exp(-1j * turn)).real
+    return real
 
 
 @contextmanager

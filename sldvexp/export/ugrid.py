@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from sldvexp.config.registry import register
 from sldvexp.dataset.run_data import RunData
 from sldvexp.errors import UserError
-from sldvexp.export.base import Export
+from sldvexp.export.base import VelocityExport
 from sldvexp.export.velocities import (
     PrismMesh,
     bounds_of,
@@ -32,7 +32,7 @@ AT_NODES = {"mesh": "mesh", "location": "node", "coordinates": "mesh_node_x mesh
 
 @register("export", "ugrid")
 @dataclass
-class Ugrid(Export):
+class Ugrid(VelocityExport):
     """A layered mesh of triangles with the field at its nodes, for readers of CF and UGRID.
 
     The surface is a two-dimensional UGRID mesh, and ``layer_depth`` counts its copies along the

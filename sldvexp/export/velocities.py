@@ -6,7 +6,7 @@ comes from a field or from points, the prisms below a field, and what the number
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -20,8 +20,10 @@ from sldvexp.lazy import xarray as xr
 from sldvexp.typing import Array, ComplexArray, IntArray
 
 WORLD = ("x", "y", "z")
+#: Mode shapes and their strains.
+MODAL = ("modes/field", "modes/strain")
 #: Groups of a run that velocities, their places, and what follows from them come from.
-GROUPS = ("field", "volume", "point", "line_of_sight", "strain")
+GROUPS = ("field", "volume", "point", "line_of_sight", "strain", "modes", *MODAL)
 #: Attributes of a run that an export repeats.
 TOLD = (*CONVENTIONS, "title", "config_sha256", "end_time")
 DIMENSIONS = ("place", "component", "frequency")
@@ -84,6 +86,31 @@ def velocities_of(run: RunData) -> xr.Dataset:
         },
         coords,
     )
+
+
+def with_modes(run: RunData) -> RunData:
+    """Put mode shapes in the place of the velocities at the lines, and their strains likewise.
+
+    Raises
+    ------
+    UserError
+        If the run has no mode shapes.
+
+    Examples
+    --------
+    >>> empty = xr.Dataset()
+    >>> list(with_modes(RunData({"modes/field": empty, "point": empty, "volume": empty})).groups)
+    ['volume', 'field']
+    """
+    if not run.has(MODAL[0]):
+        raise UserError(
+            "the run has no mode shapes to export; choose modal=own and a reconstruction, as in "
+            "experiment=plate_modes"
+        )
+    lines = ("field", "strain", "point", "line_of_sight", *MODAL)
+    groups = {name: group for name, group in run.groups.items() if name not in lines}
+    groups |= {n.removeprefix("modes/"): run.groups[n] for n in MODAL if n in run.groups}
+    return replace(run, groups=groups)
 
 
 def is_field(run: RunData) -> bool:

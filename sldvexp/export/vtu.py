@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from sldvexp.config.registry import register
 from sldvexp.dataset.run_data import RunData
 from sldvexp.errors import Checks
-from sldvexp.export.base import Export
+from sldvexp.export.base import VelocityExport
 from sldvexp.export.motion import frequency_index
 from sldvexp.export.paraview_script import paraview_script
 from sldvexp.export.strains import at_frequency, beside, strain_of
@@ -33,7 +33,7 @@ from sldvexp.writing import require_no_link, whole_or_nothing
 
 @register("export", "vtu")
 @dataclass
-class Vtu(Export):
+class Vtu(VelocityExport):
     """Prisms, or points, with the complex velocity and its bounds as VTU, collected in PVD files.
 
     ``<name>.pvd`` steps through the frequencies, with the frequency in Hz as its time: real and

@@ -64,7 +64,7 @@ def read_table(path: Path) -> ScanTable:
     for i, line in enumerate(lines):
         if max(map(line.count, "\t;, ")) > MOST_COLUMNS:
             raise UserError(f"{path}, line {i + 1}: has more than {MOST_COLUMNS} columns")
-    most = Choice(None, (), 0, [])
+    most = DelimiterChoice(None, (), 0, [])
     for delimiter in (*DELIMITERS, None):  # None for blanks
         most = max(most, _shape(lines, delimiter), key=lambda choice: choice.rows)
         if 2 * most.rows > len(lines):
@@ -83,7 +83,7 @@ Shape = tuple[bool, ...]
 Parsed = tuple[list[str], Shape]
 
 
-class Choice(NamedTuple):
+class DelimiterChoice(NamedTuple):
     """Delimiter with the shape that most lines have, and how many do."""
 
     delimiter: str | None
@@ -92,13 +92,13 @@ class Choice(NamedTuple):
     parsed: list[Parsed]
 
 
-def _shape(lines: list[str], delimiter: str | None) -> Choice:
+def _shape(lines: list[str], delimiter: str | None) -> DelimiterChoice:
     """Find which columns of most lines hold numbers, and how many such lines there are."""
     parsed = [_parse(fields(line, delimiter)) for line in lines]
     shapes = Counter(flags for _, flags in parsed if len(flags) >= LEAST_COLUMNS)
     tables = {s: n for s, n in shapes.items() if sum(s) >= LEAST_COLUMNS and 2 * sum(s) > len(s)}
     shape, count = max(tables.items(), key=lambda s: (s[1], sum(s[0])), default=((), 0))
-    return Choice(delimiter, shape, count, parsed)
+    return DelimiterChoice(delimiter, shape, count, parsed)
 
 
 def _parse(cells: list[str]) -> Parsed:

@@ -36,7 +36,7 @@ def expand(motion: Array, tests: Sequence[ShapeTest]) -> tuple[ComplexArray, Arr
     --------
     >>> from sldvexp.models.shape_agreement import StackedPixels, examine_shape
     >>> shape = np.eye(4)[:, :2]
-    >>> exact = (np.zeros((4, 2, 1)), np.zeros((4, 2)), np.zeros((1, 1)))
+    >>> exact = (np.zeros((4, 2, 1)), np.zeros((4, 2)), np.zeros((2, 1, 1)))
     >>> both = shape @ np.array([[2.0], [0.5]])
     >>> seen = StackedPixels(both + 0j, np.full((4, 1), 0.1), shape, *exact)
     >>> velocity, std = expand(np.ones((1, 3, 2)), [examine_shape(seen, 0, 0)])

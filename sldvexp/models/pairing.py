@@ -15,7 +15,8 @@ def assurance_matrix(pixels: StackedPixels) -> Assurance:
 
     Examples
     --------
-    >>> shape, exact = np.eye(3)[:, :2], (np.zeros((3, 2, 1)), np.zeros((3, 2)), np.eye(2))
+    >>> shape = np.eye(3)[:, :2]
+    >>> exact = (np.zeros((3, 2, 1)), np.zeros((3, 2)), np.zeros((2, 2, 2)))
     >>> same = StackedPixels(shape + 0j, np.ones((3, 2)), shape, *exact)
     >>> assurance_matrix(same).value.tolist()
     [[1.0, 0.0], [0.0, 1.0]]

@@ -46,8 +46,9 @@ class StackedPixels:
         Derivatives of `shape` by unknowns of variance 1 that make all poses' errors.
     pointing : ndarray, shape (pixel, model_mode)
         Variance of `shape` from the mirrors' pointing noise.
-    mixing : ndarray, shape (mode, mode)
-        Standard error of each part of the share of the second measured mode in the first.
+    mixing : ndarray, shape (2, mode, mode)
+        Standard errors of real and imaginary part of the share of the second measured mode in the
+        first.
     """
 
     measured: ComplexArray
@@ -83,14 +84,15 @@ class StackedPixels:
             np.concatenate([v.shape for v in views]),
             np.concatenate([v.by_pose @ own for v, own in zip(views, errors, strict=True)]),
             np.concatenate([(v.by_dac**2).sum(axis=-1) * v.pixels.pointing**2 for v in views]),
-            np.zeros((modes, modes)) if mixing is None else mixing,
+            np.zeros((2, modes, modes)) if mixing is None else mixing,
         )
 
     def mixed_in(self, mode: int) -> ComplexArray:
-        """List what other measured modes may add to one, shape (pixel, other)."""
+        """List what other measured modes may add to one, each part of its share, (pixel, part)."""
         other = np.arange(self.measured.shape[1]) != mode
-        found = self.measured[:, other] * self.mixing[mode, other]
-        return np.asarray(found[:, self.mixing[mode, other] > 0])
+        real, imaginary = (self.measured[:, other] * std[mode, other] for std in self.mixing)
+        found = np.concatenate([real, 1j * imaginary], axis=1)
+        return np.asarray(found[:, found.any(axis=0)])
 
 
 def root(covariance: Array) -> Array:
@@ -257,7 +259,7 @@ def examine_shape(pixels: StackedPixels, mode: int, model_mode: int) -> ShapeTes
     >>> rng = np.random.default_rng(0)
     >>> shape = rng.normal(size=(400, 3))
     >>> noise = 0.1 * (rng.normal(size=(400, 1)) + 1j * rng.normal(size=(400, 1)))
-    >>> exact = (np.zeros((400, 3, 1)), np.zeros((400, 3)), np.zeros((1, 1)))
+    >>> exact = (np.zeros((400, 3, 1)), np.zeros((400, 3)), np.zeros((2, 1, 1)))
     >>> both = shape[:, :1] + 0.05 * shape[:, 1:2]
     >>> std = np.full((400, 1), 0.1)
     >>> right = StackedPixels(2 * shape[:, :1] + noise, std, shape, *exact)
@@ -275,8 +277,7 @@ def examine_shape(pixels: StackedPixels, mode: int, model_mode: int) -> ShapeTes
     std = np.concatenate([in_phase, s])[:, None]
     y = _parts(np.asarray(a[:, None] / phase)) / std
     by_pose = _parts(np.asarray(abs(scale) * pixels.by_pose[:, model_mode], complex)) / std
-    others = np.asarray(pixels.mixed_in(mode) / phase)
-    by_mixing = np.concatenate([_parts(others), _parts(1j * others)], axis=1) / std
+    by_mixing = _parts(np.asarray(pixels.mixed_in(mode) / phase)) / std
     one, every = (
         _fit(_both(columns) / std, y[:, 0], by_pose, by_mixing, phase)
         for columns in (own, pixels.shape)
@@ -348,7 +349,7 @@ def join_shapes(tests: Sequence[ShapeTest]) -> JointTest:
     --------
     >>> rng = np.random.default_rng(1)
     >>> shape = rng.normal(size=(300, 2))
-    >>> exact = (np.zeros((300, 2, 1)), np.zeros((300, 2)), np.zeros((2, 2)))
+    >>> exact = (np.zeros((300, 2, 1)), np.zeros((300, 2)), np.zeros((2, 2, 2)))
     >>> noise = 0.1 * (rng.normal(size=(300, 2)) + 1j * rng.normal(size=(300, 2)))
     >>> stacked = StackedPixels(
     ...     shape + noise, np.full((300, 2), 0.1), shape, *exact

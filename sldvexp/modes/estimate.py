@@ -19,6 +19,7 @@ from sldvexp.modes.responses import Responses
 from sldvexp.statistics import chi_square_p_value
 from sldvexp.typing import Array
 
+PARTS = ("real", "imaginary")
 #: Names of the groups of modal images begin so, as ``modes/image/front``.
 MODAL_IMAGES = "modes/image/"
 
@@ -100,7 +101,7 @@ def estimate_modes(images: Mapping[str, xr.Dataset], method: ModalMethod) -> Mod
     for modal in projection.images(responses):
         image = images[modal.view.name]
         used = image["flags"].values == 0
-        found[modal.view.name] = _image(modal, image, fit, np.diag(mixing))
+        found[modal.view.name] = _image(modal, image, fit, mixing)
         sums += PhaseSums.of(modal.velocity[used], modal.std[used])
         quality += LineSums.of(modal, used)
     modes = _modes(fit, responses, mixing, sums, quality)
@@ -114,7 +115,7 @@ def _natural(fit: ModalFit) -> tuple[Array, Array]:
     return size / (2 * np.pi), -fit.pole.real / size
 
 
-def _image(modal: ModalImage, image: xr.Dataset, fit: ModalFit, scale_std: Array) -> xr.Dataset:
+def _image(modal: ModalImage, image: xr.Dataset, fit: ModalFit, mixing: Array) -> xr.Dataset:
     """Make the modal image of a view as a group like ``image/<view>``."""
     made = dataset.group(
         "image",
@@ -124,7 +125,8 @@ def _image(modal: ModalImage, image: xr.Dataset, fit: ModalFit, scale_std: Array
         angle=image["angle"].values if "angle" in image else None,
         dac=image["dac"].values,
         flags=image["flags"].values,
-        scale_std=scale_std,
+        scale_std=np.diag(mixing[0]),
+        phase_std=np.diag(mixing[1]),
     )
     made["flags"].attrs |= image["flags"].attrs
     told = {key: image.attrs[key] for key in ("shape", "summary") if key in image.attrs}
@@ -141,13 +143,14 @@ def _modes(
     scale, scale_std = None, None
     if responses.reference is not None:
         scale = sums.rms() / responses.nominal
-        scale_std = scale * np.hypot(np.diag(mixing), sums.rms_relative_std())
+        scale_std = scale * np.hypot(np.diag(mixing[0]), sums.rms_relative_std())
     size = np.abs(candidates.pole)
     parameters = [f"{name}_{k + 1}" for name in ("frequency", "damping") for k in range(count)]
     return dataset.group(
         "modes",
         {
             "mode": np.arange(1, count + 1),
+            "part": list(PARTS),
             "mode2": np.arange(1, count + 1),
             "pole_parameter": parameters,
             "pole_parameter2": parameters,
@@ -159,7 +162,8 @@ def _modes(
         damping_ratio=damping,
         damping_ratio_std=damping * relative[count:],
         pole_covariance=fit.covariance,
-        scale_std=np.diag(mixing),
+        scale_std=np.diag(mixing[0]),
+        phase_std=np.diag(mixing[1]),
         mixing_std=mixing,
         complexity=sums.complexity(),
         complexity_std=sums.complexity_std(),

@@ -133,7 +133,7 @@ def _noise(modes: xr.Dataset) -> Iterator[Finding]:
 
 def _close(modes: xr.Dataset) -> Iterator[Finding]:
     """Say which modes are so close that their shapes are known only as a mixture."""
-    mixing, natural = modes["mixing_std"].values, modes["natural_frequency"].values
+    mixing, natural = modes["mixing_std"].values.max(axis=0), modes["natural_frequency"].values
     for first, second in zip(range(len(natural) - 1), range(1, len(natural)), strict=True):
         share = max(mixing[first, second], mixing[second, first])
         if share > MIXED:

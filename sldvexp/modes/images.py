@@ -108,8 +108,9 @@ class ModalProjection:
 
         Returns
         -------
-        ndarray, shape (mode, mode)
-            Standard error of each part of the share of the second mode's image in the first's.
+        ndarray, shape (2, mode, mode)
+            Standard errors of real and imaginary part of the share of the second mode's image in
+            the first's.
         """
         modes = len(self.pole)
         scale = velocity_per_residue(self.pole)
@@ -128,7 +129,7 @@ class ModalProjection:
         parts = np.array(slopes)
         real = np.einsum("iab,ij,jab->ab", parts.real, covariance, parts.real)
         imaginary = np.einsum("iab,ij,jab->ab", parts.imag, covariance, parts.imag)
-        return np.asarray(np.sqrt((real + imaginary) / 2))
+        return np.sqrt(np.stack([real, imaginary]))
 
     def _scale_change(self, unknown: int) -> float:
         """Differentiate ln of v / R, which knows the damping alone, by an unknown."""

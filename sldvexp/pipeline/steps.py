@@ -359,6 +359,8 @@ def _reconstruct(
         except UserError as error:
             where = "reconstruction" if name == group else name.replace("/", ".")
             raise UserError(f"{where}: {error}") from None
+    if findings := take_findings(run.tree):
+        run.tree[f"{VERDICT}/{group}"] = findings_to_dataset(findings)
 
 
 def _truth(run: Run) -> None:
@@ -515,7 +517,7 @@ STEPS: tuple[Step, ...] = (
         "velocity field",
         lambda e: _reconstructs(e) and e.volume is not None,
         _field,
-        makes=("field", "strain", "compare/", COMPARED_STRAIN),
+        makes=("field", "strain", "compare/", COMPARED_STRAIN, f"{VERDICT}/field"),
         needs=("pose", "volume", "image/"),
         reads=SOLVING,
     ),

@@ -25,7 +25,8 @@ from sldvexp.planner.aim import angles_of, limits
 from sldvexp.scan import Scan
 from sldvexp.scan.rectangle import Rectangle
 from sldvexp.scan.session import Session
-from sldvexp.targets import Circles, Target, hidden_behind_circles, shaded
+from sldvexp.targets import Circles, Target
+from sldvexp.targets.shadows import hidden_behind_circles, shaded
 from sldvexp.typing import Array, BoolArray, IntArray
 from sldvexp.volume import Prisms, Volume
 

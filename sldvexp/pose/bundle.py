@@ -9,7 +9,7 @@ the ones in which the points fit their rough coordinates best; bounds are those 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -38,6 +38,7 @@ from sldvexp.pose.wrong_sightings import (
     exchanged_sightings,
     freedom,
     judge_sightings,
+    wrong_distances,
 )
 from sldvexp.statistics import chi_square_p_value
 from sldvexp.targets import Target
@@ -368,22 +369,17 @@ def _unseen(number: int, tables: Sequence[RegistrationTable]) -> Finding:
 def _wrong(network: Network, judged: JudgedSightings, best: AdjustedPoints) -> Iterator[Finding]:
     """Say which sightings contradict the others, and where the errors as stated are too small."""
     where = f"views {', '.join(network.views)}"
+    doubted = not judged.agree or bool(judged.left_out)
+    if wrong := wrong_distances(network.sightings, judged.found[0]) if doubted else []:
+        yield _wrong_distance(network, wrong, judged.p_value)
+        return
+    alone = len(judged.left_out) == 1
+    pairs = [] if alone or not doubted else [*exchanged_sightings(network.sightings, judged)]
+    if len(pairs) == 1 and (not judged.left_out or len(judged.left_out) == 2):
+        yield _exchanged(network, pairs[0], judged)
+        return
     if not judged.agree:
-        pairs = list(exchanged_sightings(network.sightings, judged))
-        if len(pairs) == 1:
-            one, other = (network.name(k) for k in pairs[0])
-            yield Finding(
-                "exchanged_points",
-                f"{one}",
-                f"{one} and {other} seem to be exchanged, since all agree with each other's angles "
-                "for the two; the poses rest on them as they are",
-                Severity.void,
-                p_value=judged.p_value,
-                remedy="exchange their numbers in the registration data",
-            )
-            return
-        finding = unlikely_residuals(where, judged.p_value)
-        yield replace(finding, severity=Severity.doubtful)
+        yield unlikely_residuals(where, judged.p_value)
         return
     names = [network.name(k) for k in judged.left_out]
     others = " or ".join(network.name(k) for k in judged.or_else)
@@ -408,6 +404,37 @@ def _wrong(network: Network, judged: JudgedSightings, best: AdjustedPoints) -> I
     probability = float(chi_square_p_value(best.cost, dof))
     if not names and probability < 0.01:
         yield unlikely_residuals(where, probability)
+
+
+def _exchanged(network: Network, pair: tuple[int, int], judged: JudgedSightings) -> Finding:
+    """Say that two sightings have each other's numbers."""
+    one, other = (network.name(k) for k in pair)
+    out = bool(judged.left_out)
+    told = "both are left out" if out else "the poses rest on them as they are"
+    return Finding(
+        "exchanged_points",
+        f"{one} and {other}",
+        f"{one} and {other} seem to be exchanged, since all agree with each other's angles for the "
+        f"two; {told}",
+        Severity.doubtful if out else Severity.void,
+        p_value=judged.p_value,
+        remedy="exchange their numbers in the registration data",
+    )
+
+
+def _wrong_distance(network: Network, wrong: Sequence[int], p_value: float) -> Finding:
+    """Say which known distances contradict everything else."""
+    pairs = network.number[network.sightings.pairs[list(wrong)]]
+    names = " or ".join(f"that of points {a} and {b}" for a, b in pairs)
+    return Finding(
+        "wrong_distance",
+        " or ".join(f"distance of points {a} and {b}" for a, b in pairs),
+        f"the known distances contradict one another: {names} is wrong, without which everything "
+        f"agrees (p = {p_value:.1g}); the poses rest on all of them",
+        Severity.void,
+        p_value=p_value,
+        remedy="measure the distances in pose.distances again",
+    )
 
 
 def _ambiguous(

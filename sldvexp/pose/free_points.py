@@ -24,10 +24,10 @@ import numpy as np
 from sldvexp.geometry import rigid_transform, skew
 from sldvexp.laser import project, project_jacobian
 from sldvexp.pose.least_squares import turned
-from sldvexp.typing import Array, IndexArray
+from sldvexp.typing import Array, BoolArray, IndexArray
 
 #: Levenberg-Marquardt: first and least damping, relative to the curvature; steps.
-DAMPING, LEAST_DAMPING, STEPS = 1e-4, 1e-10, 300
+DAMPING, LEAST_DAMPING, STEPS = 1e-4, 1e-10, 100
 #: Decrease of the cost that is none.
 TOLERANCE = 1e-13
 #: Information in the worst direction, as a part of its best: nothing but rounding errors below.
@@ -111,6 +111,19 @@ class Sightings:
     def with_angles(self, angle: Array) -> Sightings:
         """Give the sightings other angles."""
         return replace(self, angle=angle)
+
+    def with_views(self, view: IndexArray) -> Sightings:
+        """Give the views other numbers."""
+        return replace(self, view=view)
+
+    def with_distances(self, kept: BoolArray) -> Sightings:
+        """Take some of the known distances."""
+        return replace(
+            self,
+            pairs=self.pairs[kept],
+            length=self.length[kept],
+            length_std=self.length_std[kept],
+        )
 
     def distances(self, points: Array) -> Array:
         """Give the distances of `pairs`, shape (D,), m."""

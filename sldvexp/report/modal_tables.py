@@ -36,6 +36,11 @@ def level_of(modes: xr.Dataset) -> float:
     return float(modes.attrs.get("confidence_level", 0.95))
 
 
+def level_factor(modes: xr.Dataset) -> float:
+    """Return the factor of a standard error that makes its bound."""
+    return float(student_factor(level_of(modes), np.inf))
+
+
 def modes_told(run: RunData) -> str:
     """Say how many modes there are, and frequency and damping of the first; empty without any.
 
@@ -58,7 +63,7 @@ def modes_told(run: RunData) -> str:
 
 def poles(modes: xr.Dataset) -> list[tuple[str, str]]:
     """Write natural frequency in Hz and damping in percent of every mode, with bounds."""
-    factor = float(student_factor(level_of(modes), np.inf))
+    factor = level_factor(modes)
     hertz, damping = modes["natural_frequency"].values, modes["damping_ratio"].values
     bounds = (
         factor * modes[name].values if name in modes else np.full(len(hertz), np.nan)
@@ -133,7 +138,7 @@ def mode_table(modes: xr.Dataset) -> Table:
     misfit = f"; misfit {number(float(modes['misfit']), 3)} times the noise"
     title = f"Modes, with {level} bounds{misfit if 'misfit' in modes else ''}"
     if "misfit_p_value" in modes:
-        title += f" (p = {number(float(modes['misfit_p_value']), 2)})"
+        title += f" ({_p(modes['misfit_p_value'])})"
     columns = ["mode", *POLES]
     known = poles(modes)
     cells = [list(map(str, modes["mode"].values)), *([row[i] for row in known] for i in (0, 1))]
@@ -143,10 +148,16 @@ def mode_table(modes: xr.Dataset) -> Table:
     if "phase" in modes:
         phase = VARIABLES["modes"]["phase"]
         columns.append(phase.titled("phase"))
-        cells.append([number(phase.factor * x, 3) for x in modes["phase"].values])
+        known_to = "phase_std" in modes
+        plain = [number(phase.factor * x, 3) for x in modes["phase"].values]
+        cells.append(_bounded(modes, "phase", phase.factor) if known_to else plain)
+    if "modal_scale" in modes and np.isfinite(modes["modal_scale"].values).any():
+        scale = VARIABLES["modes"]["modal_scale"]
+        columns.append(scale.titled("modal scale"))
+        cells.append(_bounded(modes, "modal_scale", scale.factor))
     if "scale_std" in modes:
         columns.append("shape's scale, ± ‰")
-        factor = PER_MILLE * float(student_factor(level_of(modes), np.inf))
+        factor = PER_MILLE * level_factor(modes)
         cells.append([number(factor * x, 2) for x in modes["scale_std"].values])
     table = Table(*columns, title=title, title_justify="left")
     for row in zip(*cells, strict=True):
@@ -155,8 +166,8 @@ def mode_table(modes: xr.Dataset) -> Table:
 
 
 def _bounded(modes: xr.Dataset, name: str, scale: float) -> list[str]:
-    """Write values with bounds, as parts of a whole that `scale` names."""
-    factor = scale * float(student_factor(level_of(modes), np.inf))
+    """Write values times `scale` with bounds."""
+    factor = scale * level_factor(modes)
     bounds = modes.get(f"{name}_std", xr.full_like(modes[name], np.nan)).values
     values = zip(modes[name].values, bounds, strict=True)
     return [with_bound(scale * value, factor * std) for value, std in values]
@@ -169,10 +180,13 @@ def model_table(model: xr.Dataset) -> Table:
     """
     title = f"Finite element model: {verdict_on_model(model)}"
     if "frequencies_p_value" in model:
-        title += f"; frequencies together p = {number(float(model['frequencies_p_value']), 2)}"
+        title += f"; frequencies together {_p(model['frequencies_p_value'])}"
     names = ("mode", "pair", "measured, Hz", "model, Hz", "difference, ‰")
     tests = ("MAC", "expected if right", "shape p", "directed p")
-    table = Table(*names, *tests, "mixed with", title=title, title_justify="left")
+    table = Table(title=title, title_justify="left")
+    for name in (*names, *tests):
+        table.add_column(name, no_wrap=True)
+    table.add_column("mixed with")
     for mode in model["mode"].values:
         one = model.sel(mode=mode)
         cells = [str(mode), *_frequency_cells(model, one), *_shape_cells(one)]
@@ -199,9 +213,20 @@ def _shape_cells(one: xr.Dataset) -> list[str]:
     return [
         f"{float(one['mac_of_pair']):.{places}f}",
         f"{expected:.{places}f} ± {std:.{places}f}",
-        number(float(one["p_value"]), 2),
-        number(float(one["directed_p_value"]), 2),
+        _probability(one["p_value"]),
+        _probability(one["directed_p_value"]),
     ]
+
+
+def _p(value: xr.DataArray) -> str:
+    """Write a p value with its letter."""
+    text = _probability(value)
+    return f"p {text}" if text.startswith("<") else f"p = {text}"
+
+
+def _probability(value: xr.DataArray) -> str:
+    """Write a p value; one that no number is small enough for is less than any."""
+    return number(float(value), 2) if float(value) != 0 else "< 1e-300"
 
 
 def mixed_modes(model: xr.Dataset, one: xr.Dataset) -> str:

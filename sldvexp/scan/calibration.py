@@ -37,6 +37,18 @@ COARSER = 4
 CONTIGUOUS = 8192
 
 
+def usual_stride(laser: TwoMirror) -> int:
+    """Count the steps from one pixel of a fine line to the next: 1 of 12 bits, 8 of 16 bits.
+
+    Examples
+    --------
+    >>> usual_stride(TwoMirror())
+    1
+    """
+    low, high = laser.board.value
+    return max(1, round((high - low) / CONTIGUOUS))
+
+
 class EdgeMethod(Enum):
     """How an edge is placed: at a pixel, or between pixels in one of two ways."""
 
@@ -202,8 +214,7 @@ class CalibrationScan(ScanPart):
         >>> CalibrationScan().strides(TwoMirror(), np.array([145.0, 90, 90]))
         (array([2, 1, 1]), 1)
         """
-        low, high = laser.board.value
-        usual = max(1, round((high - low) / CONTIGUOUS))
+        usual = usual_stride(laser)
         coarse = np.full(self.coarse.lines, self.coarse.stride or usual)
         if half_chord is not None and self.coarse.stride is None:
             coarse = self.strides_across(half_chord)

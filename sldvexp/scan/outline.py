@@ -18,14 +18,16 @@ from sldvexp.config.registry import register
 from sldvexp.errors import Checks, UserError
 from sldvexp.geometry import KnownPose
 from sldvexp.io import read_mesh
-from sldvexp.laser import PartOutline
+from sldvexp.laser import PartOutline, TwoMirror
 from sldvexp.scan.base import Sampling, ScanPart, check_rough_pose, check_view_names
-from sldvexp.scan.calibration import MOST_PIXELS, EdgeMethod
+from sldvexp.scan.calibration import MOST_PIXELS, EdgeMethod, usual_stride
 from sldvexp.typing import Array, IntArray
 from sldvexp.units import LengthUnit
 
 #: Extent of a part over its distance, and that distance in m, between which one sees an outline.
 SEEN, POSSIBLE = (0.01, 1.5), (0.05, 30.0)
+#: Stride of coarse lines over that of fine ones: they reach some centimetres beside the outline.
+COARSER = 8
 
 
 @dataclass
@@ -105,20 +107,21 @@ class OutlineLines:
         Of each line.
     window : int
         Of the median filter along the line, pixels.
-    stride : int
-        DAC steps from one pixel to the next; a 16-bit board needs eight times as many.
+    stride : int, optional
+        DAC steps from one pixel to the next. Without it 8 of coarse and 1 of fine lines, and eight
+        times as many on a 16-bit board.
     """
 
     pixels: int
     window: int
-    stride: int = 1
+    stride: int | None = None
 
     def check(self, checks: Checks, name: str) -> None:
         """Note under `name` what is wrong."""
         few = f"must be from 9 to {MOST_PIXELS}, not {self.pixels}"
         checks.require(9 <= self.pixels <= MOST_PIXELS, f"{name}.pixels", few)
         forward = f"must be at least 1, not {self.stride}"
-        checks.require(self.stride >= 1, f"{name}.stride", forward)
+        checks.require(self.stride is None or self.stride >= 1, f"{name}.stride", forward)
         odd = f"must be odd and shorter than the line, not {self.window}"
         good = self.window % 2 == 1 and 0 < self.window < self.pixels
         checks.require(good, f"{name}.window", odd)
@@ -162,7 +165,7 @@ class OutlineScan(PartMesh, ScanPart):
 
     views: dict[str, OutlineView] = field(default_factory=dict)
     lines: int = 72
-    coarse: OutlineLines = field(default_factory=lambda: OutlineLines(101, 5, 8))
+    coarse: OutlineLines = field(default_factory=lambda: OutlineLines(101, 5))
     fine: OutlineLines = field(default_factory=lambda: OutlineLines(31, 5))
     edge: EdgeMethod = EdgeMethod.profile
     sampling: Sampling = field(default_factory=Sampling)
@@ -183,6 +186,17 @@ class OutlineScan(PartMesh, ScanPart):
         self.fine.check(checks, "fine")
         self.sampling.check(checks, "sampling")
         checks.done()
+
+    def strides(self, laser: TwoMirror) -> tuple[int, int]:
+        """Choose the strides of coarse and fine lines, where they are not set.
+
+        Examples
+        --------
+        >>> OutlineScan().strides(TwoMirror())
+        (8, 1)
+        """
+        fine = usual_stride(laser)
+        return self.coarse.stride or COARSER * fine, self.fine.stride or fine
 
     def known_pixels(self, view: str) -> IntArray:
         """See `ScanPart`; none, since lines that leave the board are left out."""

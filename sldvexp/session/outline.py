@@ -108,7 +108,8 @@ def _edges(
     name: str,
 ) -> tuple[ScanLineEdges, ComplexImage]:
     """Scan lines across places of the outline and find one edge on each."""
-    dac = laid(point, outward, stage.pixels, stage.stride)
+    coarse, fine = scan.strides(at.laser)
+    dac = laid(point, outward, stage.pixels, coarse if key == COARSE else fine)
     low, high = at.laser.board.value
     dac = dac[np.all((dac >= low) & (dac <= high), axis=(1, 2))]
     image = at.camera.image(f"{NAME}_{key}", list(dac))

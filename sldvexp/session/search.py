@@ -25,7 +25,8 @@ from sldvexp.session.camera import ViewContext
 from sldvexp.session.watching import SEARCH
 from sldvexp.signal import ComplexImage, instrument_fault
 from sldvexp.signal.instrument_faults import moving
-from sldvexp.targets import Circles, shade_told, shaded_circles
+from sldvexp.targets import Circles, shaded_circles
+from sldvexp.targets.shadows import shade_told
 from sldvexp.typing import Array, BoolArray, IntArray
 
 #: Distance of pixels over the half width of the circle as seen.

@@ -9,11 +9,17 @@ in a beam, or a structure that ends earlier, would bend the rim. A good pixel le
 a chi-square with two degrees of freedom a frequency, or the multiple of it that the median has. The
 farthest are left out and the splines fitted again, until none is far: a bad pixel draws the splines
 to itself and away from its neighbours, so that these must not be judged together with it.
+
+Where the structure ends before the margin does, pixels of all views are at rest there, and splines
+that nothing else holds bend to them without any residual. So those are looked for first: on a side
+of the surface beyond a distance all pixels of two views or more are at rest within their noise,
+while the splines without them say that they should move.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -26,6 +32,88 @@ from sldvexp.typing import Array, BoolArray, IndexArray
 ANY = 1e-4
 #: Part of the largest d2 from which pixels are left out together with the farthest.
 AMONG_THE_FARTHEST = 0.25
+#: Probability that noise alone moves a pixel at rest as much, or a prediction is as wrong.
+BY_CHANCE = 1e-4
+#: Part of the resting pixels that may lie where little motion is predicted, as near nodal lines.
+PREDICTED = 0.75
+#: Fewest resting pixels, and views that have them, from which a side of the structure has ended.
+FEWEST_AT_REST, FEWEST_VIEWS = 4, 2
+
+
+@dataclass(frozen=True, eq=False)
+class RestingSide:
+    """Pixels beyond one side of the surface that are at rest in all views.
+
+    Attributes
+    ----------
+    pixels : list of ndarray of int
+        Of each view's image.
+    ends : float, m
+        Distance beyond the surface at which the structure is still known to move.
+    middle : ndarray, shape (2,), m
+        Coordinates of their middle.
+    """
+
+    pixels: list[IndexArray]
+    ends: float
+    middle: Array
+
+
+def resting_sides(found: SurfaceFit) -> list[RestingSide]:
+    """Find the sides of the surface beyond which all pixels are at rest from some distance on."""
+    outline, inner = found.outline, replace(found.outline, margin=0.0)
+    if outline.closed or outline.margin == 0:
+        return []
+    low, high = inner.corners.min(axis=0), inner.corners.max(axis=0)
+    place = np.concatenate([p.coordinates for p in found.pixels])
+    view = np.repeat(np.arange(len(found.pixels)), [len(p.pixel) for p in found.pixels])
+    pixel = np.concatenate([p.pixel for p in found.pixels])
+    beyond = np.concatenate([low - place, place - high], axis=1)  # of the four sides
+    side, far = beyond.argmax(axis=1), beyond.max(axis=1)
+    velocity = np.concatenate([found.measured.velocity(k, p) for k, p in enumerate(found.pixels)])
+    size = np.sum(np.abs(velocity / _std(found)) ** 2, axis=1)
+    rests = size < _usual_ratio(found) * scipy.special.chdtri(2 * velocity.shape[1], BY_CHANCE)
+    sides = []
+    for k in range(beyond.shape[1]):
+        own = (side == k) & (far > 0)
+        ends = float(far[own & ~rests].max(initial=0.0))
+        chosen = own & (far > ends)
+        if chosen.sum() >= FEWEST_AT_REST and len(np.unique(view[chosen])) >= FEWEST_VIEWS:
+            each = [pixel[chosen & (view == v)] for v in range(len(found.pixels))]
+            sides.append(RestingSide(each, ends, place[chosen].mean(axis=0)))
+    return sides
+
+
+def should_move(without: SurfaceFit, side: RestingSide, before: Sequence[ViewPixels]) -> bool:
+    """Tell whether splines that are fitted without a side's pixels say that these should move.
+
+    Parameters
+    ----------
+    without : SurfaceFit
+    before : sequence of ViewPixels
+        Of all views, with the side's pixels.
+    """
+    beside = []
+    for k, (pixels, chosen) in enumerate(zip(before, side.pixels, strict=True)):
+        some = np.flatnonzero(np.isin(pixels.pixel, chosen))
+        if not len(some):
+            continue
+        own = replace(
+            pixels,
+            pixel=pixels.pixel[some],
+            coordinates=pixels.coordinates[some],
+            cosine=pixels.cosine[some],
+        )
+        rows = own.design(without.shell, without.face)
+        predicted, of_noise, others = without.evaluate(rows)
+        left = without.measured.velocity(k, own) - predicted
+        noise = float(np.median(without.measured.pixel_std)) * without.measured.scale
+        variance = of_noise + others + np.square(noise)
+        parts = np.stack([left.real, left.imag])
+        beside.append(np.sum(parts**2 / variance, axis=(0, 2)))
+    lines = len(without.measured.scale)
+    apart = np.quantile(np.concatenate(beside), PREDICTED)
+    return bool(apart > _usual_ratio(without) * scipy.special.chdtri(2 * lines, BY_CHANCE))
 
 
 def strangers(found: SurfaceFit) -> list[IndexArray]:
@@ -41,8 +129,7 @@ def strangers(found: SurfaceFit) -> list[IndexArray]:
     if not count:
         return [np.zeros(0, np.intp) for _ in beyond]
     apart, lines = _distances(found), len(found.measured.scale)
-    usual = scipy.special.chdtri(2 * lines, 0.5)
-    limit = max(1.0, float(np.median(apart)) / usual) * scipy.special.chdtri(2 * lines, ANY / count)
+    limit = _usual_ratio(found) * scipy.special.chdtri(2 * lines, ANY / count)
     own = np.concatenate(beyond) & (apart > limit)
     far = own & (apart >= AMONG_THE_FARTHEST * np.max(apart, where=own, initial=0.0))
     parts = np.split(far, np.cumsum([len(here) for here in beyond])[:-1])
@@ -58,5 +145,15 @@ def _beyond(found: SurfaceFit, pixels: ViewPixels) -> BoolArray:
 
 def _distances(found: SurfaceFit) -> Array:
     """Compute d2 of every pixel."""
-    std = found.measured.pixel_std[:, None] * found.measured.scale
-    return np.asarray(np.sum(np.abs(found.residual / std) ** 2, axis=1))
+    return np.asarray(np.sum(np.abs(found.residual / _std(found)) ** 2, axis=1))
+
+
+def _usual_ratio(found: SurfaceFit) -> float:
+    """Divide the median d2 by that of noise as it is stated, 1 at least."""
+    usual = scipy.special.chdtri(2 * len(found.measured.scale), 0.5)
+    return max(1.0, float(np.median(_distances(found))) / float(usual))
+
+
+def _std(found: SurfaceFit) -> Array:
+    """Give the noise of every pixel and frequency, m/s."""
+    return np.asarray(found.measured.pixel_std[:, None] * found.measured.scale)

@@ -9,12 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from dataclasses import field as dataclass_field
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sldvexp import dataset
+from sldvexp.dataset import Finding, with_findings
 from sldvexp.errors import UserError
 from sldvexp.field.bounds.budget import SOURCES, by_source, not_included
 from sldvexp.field.bounds.pose_uncertainty import POSE, PoseErrors, pose_covariance
@@ -25,6 +27,7 @@ from sldvexp.lazy import xarray as xr
 from sldvexp.shell.around_holes import HoleFunctions
 from sldvexp.shell.beyond_rim import strangers
 from sldvexp.shell.calibration import CalibrationError, calibration_errors
+from sldvexp.shell.ended import without, without_resting_sides
 from sldvexp.shell.least_stretch import wall_stretch
 from sldvexp.shell.linear_form import summed
 from sldvexp.shell.love import STRAINS, ThinShell
@@ -37,7 +40,6 @@ from sldvexp.shell.shell import Shell
 from sldvexp.shell.splines import TensorSplines
 from sldvexp.shell.surface_fit import TYPICAL, PriorErrors, SurfaceFit, fit
 from sldvexp.shell.surface_strain import SurfaceStrain
-from sldvexp.signal import Flag
 from sldvexp.statistics import student_factor
 from sldvexp.typing import Array, BoolArray, ComplexArray, IndexArray
 from sldvexp.volume import Coordinates, Prisms, Volume
@@ -79,6 +81,7 @@ class SurfaceField:
     material : Isotropic, optional
     frequency : ndarray, shape (frequency,), Hz, optional
     notes : list of str
+    findings : list of Finding
     """
 
     fit: SurfaceFit
@@ -88,6 +91,7 @@ class SurfaceField:
     material: Isotropic | None
     frequency: Array | None
     notes: list[str]
+    findings: list[Finding] = dataclass_field(default_factory=list)
 
     @property
     def factor(self) -> float:
@@ -154,7 +158,7 @@ class SurfaceField:
             "not_included": "; ".join(t for t in not_included(variance) if t not in NEVER),
             "notes": "\n".join(self.notes),
         }
-        return with_undetermined(group, determined)
+        return with_findings(with_undetermined(group, determined), self.findings)
 
     def strain(self) -> xr.Dataset:
         """Make the group ``strain``, at the nodes of the given surface."""
@@ -438,22 +442,23 @@ def _estimate(
     def fitted(views: Sequence[View]) -> SurfaceFit:
         return fit(views, images, std, laser, outline, shell, face, length, level, errors)
 
-    found, told = _without_strangers(fitted, views)
+    found, views, ended = without_resting_sides(fitted, views, volume)
+    found, told = _without_strangers(fitted, found, views)
     notes += [*_told(found), *told]
-    return SurfaceField(found, prisms, volume, method, material, frequency, notes)
+    return SurfaceField(found, prisms, volume, method, material, frequency, notes, ended)
 
 
 def _without_strangers(
-    fitted: Callable[[Sequence[View]], SurfaceFit], views: Sequence[View]
+    fitted: Callable[[Sequence[View]], SurfaceFit], found: SurfaceFit, views: Sequence[View]
 ) -> tuple[SurfaceFit, list[str]]:
     """Fit without pixels beyond the surface that are not of the structure, and name these."""
-    found, left = fitted(views), [np.zeros(0, np.intp) for _ in views]
+    left = [np.zeros(0, np.intp) for _ in views]
     for _ in range(AGAIN):
         more = strangers(found)
         if not sum(map(len, more)):
             break
         left = [np.concatenate(pair) for pair in zip(left, more, strict=True)]
-        found = fitted([_without(v, out) for v, out in zip(views, left, strict=True)])
+        found = fitted([without(v, out) for v, out in zip(views, left, strict=True)])
     told = [
         f"{len(out)} {'pixel' if len(out) == 1 else 'pixels'} of view {view.name} beyond the "
         "surface's rim left out, which do not move as the structure does: something stands in the "
@@ -462,13 +467,6 @@ def _without_strangers(
         if len(out)
     ]
     return found, told
-
-
-def _without(view: View, pixels: IndexArray) -> View:
-    """Flag some pixels of a view as unlike."""
-    flags = np.array(view.flags)
-    flags[pixels] |= int(Flag.unlike)
-    return replace(view, flags=flags)
 
 
 def _interpolating(z: Array, known: Array) -> Array:

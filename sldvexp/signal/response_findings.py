@@ -11,10 +11,11 @@ itself. Of Hann's window ``1 - A`` is about ``1 / (3 (T zeta f_n)^2)``. Noise al
 coherence, but no more at resonances than elsewhere; the residual power of the other lines is taken
 for noise and subtracted.
 
-**Tails** of bursts and hits that are cut off. H from a record of the length T has of the impulse
-response what a record has room for: all of it up to the lag from the end of the burst to the
-record's end, less and less beyond. What is left of it at that lag is about the error at the slowest
-resonance, and leaves the coherence as it is. The decay before it tells how long it would take.
+**Tails** of bursts and hits that are cut off. The impulse response, that of H, has all that records
+have room for: whole up to the lag L from the burst's end to the record's, less and less beyond. Its
+late decay is that of the slowest resonance; of a burst of the length B that ends at L before the
+record's end, H is there too small by ``exp(-a L) (1 - exp(-a B)) / (a B)``, of a hit by
+``exp(-a L)``, and the coherence stays as it is. Noise is the same at all lags, and known.
 
 **Distortion** shows on lines that are not excited. Noise there is that of the excited lines'
 residuals.
@@ -36,12 +37,13 @@ LEAST_ERROR = 0.01
 #: Residual power at a resonance over that of the median line, from which it is no noise, whatever
 #: its colour.
 ABOVE_NOISE = 1.5
-#: Squared response of a resonance over that of the median line, pixels summed.
+#: Squared response of a resonance over that between it and any higher one, pixels summed.
 RESONANT = 4.0
 #: Share of a burst's response that may be left at the record's end.
 QUIET_ENOUGH = 1e-3
-#: Share of a record over which the end of an impulse response is averaged.
-END = 0.05
+#: Pieces of a record over which the impulse response is averaged, and over how many of the last
+#: clear ones its decay is taken.
+PIECES, LATE = 20, 6
 #: Share of the band that is tapered at either end, so that the response's beginning does not
 #: ring on through all lags.
 TAPER = 0.1
@@ -51,8 +53,9 @@ CLEAR = 5.0
 PIXELS = 256
 #: Errors in standard errors: one that intervals miss, and one that they hold all the same.
 HIDDEN, NEGLIGIBLE = 2.0, 0.5
-#: Power at unexcited lines over the noise, from which it is distortion.
-DISTORTED = 1.5
+#: Power at unexcited lines over the noise, from which it is distortion. They lie among the excited
+#: ones, so that noise of any colour is the same at both.
+DISTORTED = 1.1
 #: Power of the reference at a line over the median line's, below which there is none.
 NO_ENERGY = 1e-4
 #: Most lines that a sentence names.
@@ -178,36 +181,61 @@ def _leakage(sums: ResponseSums, design: RecordDesign, view: str) -> list[Findin
         f"{1 - worst:.2f}, so that response functions are up to {100 * worst:.0f} % too small and "
         f"standard errors do not say so; take records of {seconds:.2g} s or a periodic excitation"
     )
-    remedy = "a periodic excitation"
-    return [Finding("leakage", f"view {view}", text, severity, size=worst, remedy=remedy)]
+    return [Finding("leakage", f"view {view}", text, severity, size=worst)]
 
 
 def _tail(sums: ResponseSums, design: RecordDesign, view: str) -> list[Finding]:
     """Tell whether the response has died at the record's end, and how long that would take."""
     energy, noise, response = _impulse_energy(sums)
-    count, pixels = len(energy), (sums.count >= LEAST_RECORDS).sum()
-    burst = design.excitation.kind is ExcitationKind.burst_random
-    room = (1 - design.excitation.burst) if burst else 1 - 2 * BEFORE_PULSE
-    last = max(1, round(END * count))
-    ends = [int(room * count) - k * last for k in (0, 1)]
-    end, before = (float(np.mean(energy[max(0, k - last) : k])) - noise for k in ends)
-    whole = float(np.mean(energy[:last])) - noise
-    left = np.sqrt(max(end, 0.0) / whole) if whole > 0 else 0.0
-    if left < QUIET_ENOUGH or end < CLEAR * noise / np.sqrt(last * pixels):
+    burst = design.excitation.burst * design.record_seconds
+    if design.excitation.kind is ExcitationKind.hammer:
+        burst = 2 * BEFORE_PULSE * design.record_seconds
+    rate = _late_decay(energy, noise, int((sums.count >= LEAST_RECORDS).sum()), burst, design)
+    seconds = design.record_seconds
+    lag = seconds - burst
+    left = np.exp(-rate * lag)
+    if design.excitation.kind is ExcitationKind.burst_random:
+        left *= -np.expm1(-rate * burst) / (rate * burst)
+    if not left > QUIET_ENOUGH:
         return []
     found = response_function(sums.at(_resonances(response)))
     scatter = float(np.nanmedian(found.std / np.abs(found.response)))
-    seconds = design.record_seconds
-    rate = max(np.log(before / end) / (2 * END) if before > end else 1.0, 1.0) / seconds
-    wanted = seconds + np.log(left / QUIET_ENOUGH) / rate / room
+    wanted = seconds * np.log(1 / QUIET_ENOUGH) / rate / lag
     text = (
-        f"in view {view} {100 * left:.2g} % of the response is left at the end of records of "
-        f"{seconds:.3g} s, which cuts it off: response functions at resonances are too small by "
-        "about as much, at the slowest by more, and standard errors do not say so; take records "
-        f"of {wanted:.2g} s, or a shorter burst"
+        f"in view {view} the response has not died at the end of records of {seconds:.3g} s, which "
+        f"cuts it off: at the slowest resonance response functions are about {100 * left:.2g} % "
+        f"too small, and standard errors do not say so; take records of {wanted:.2g} s, or a "
+        "shorter burst"
     )
     severity = _weight(float(left) / scatter)
     return [Finding("tail", f"view {view}", text, severity, size=float(left))]
+
+
+def _late_decay(
+    energy: Array, noise: float, pixels: int, burst: float, design: RecordDesign
+) -> float:
+    """Find the rate a, 1/s, at which the impulse response dies at last; infinite if none is seen.
+
+    Parameters
+    ----------
+    energy : ndarray, shape (lag,)
+    noise : float
+        Part of noise in each.
+    burst : float, s
+    """
+    pieces = np.array_split(energy, PIECES)[:-2]  # the last ones are what rings before zero
+    lags = (np.arange(len(pieces)) + 0.5) / PIECES * design.record_seconds
+    level = np.array([np.mean(piece) for piece in pieces]) - noise
+    clear = level > CLEAR * noise / np.sqrt(max(1, pixels) * len(energy) / PIECES)
+    count = len(clear) if clear.all() else int(np.argmin(clear))
+    if count < 2:
+        return np.inf
+    if design.excitation.kind is ExcitationKind.burst_random:
+        # Records have room for a lag of only a part of the burst.
+        level /= np.minimum((design.record_seconds - lags) / burst, 1.0) ** 2
+    first = max(0, count - 1 - LATE)
+    fall = np.log(level[first] / level[count - 1]) / (lags[count - 1] - lags[first])
+    return float(max(fall / 2, 1 / design.record_seconds))
 
 
 def _impulse_energy(sums: ResponseSums) -> tuple[Array, float, Array]:
@@ -242,7 +270,10 @@ def _distortion(
     # Hum is at few lines and moves no median; of an exponential distribution it is ln 2 of the
     # mean, of the sum over many pixels the mean itself, and so it is at most too small.
     level = {k: float(np.median(power[at])) for k, at in kinds.items() if len(at)}
-    told = {k: v for k, v in level.items() if v > DISTORTED * noise}
+    least = {
+        k: CLEAR * np.sqrt(np.pi / 2 / max(1, sums.count.sum()) / len(kinds[k])) for k in level
+    }
+    told = {k: v for k, v in level.items() if v > max(DISTORTED, 1 + least[k]) * noise}
     if not told:
         return []
     linear = float(np.mean(power[excited]))
@@ -282,10 +313,16 @@ def _noise_of_lines(sums: ResponseSums, design: RecordDesign) -> float:
 
 
 def _resonances(response: Array) -> BoolArray:
-    """Find local maxima that stand out, shape (line,)."""
-    around = np.pad(response, 2, mode="edge")
-    peak = np.lib.stride_tricks.sliding_window_view(around, 5).max(axis=-1)
-    return np.asarray((response == peak) & (response > RESONANT * np.median(response)))
+    """Find maxima that stand out from the lowest line towards whatever is higher, shape (line,)."""
+    found = np.zeros(len(response), bool)
+    inner = np.flatnonzero((response[1:-1] >= response[:-2]) & (response[1:-1] > response[2:])) + 1
+    for k in inner:
+        saddles = []
+        for side in (response[:k][::-1], response[k + 1 :]):
+            higher = np.flatnonzero(side > response[k])
+            saddles.append(side[: higher[0] + 1 if len(higher) else None].min())
+        found[k] = response[k] > RESONANT * max(saddles)
+    return found
 
 
 def _named(frequency: Array) -> str:

@@ -6,7 +6,4 @@ from .circles import Circles as Circles
 from .circles import Plane as Plane
 from .points import FiducialPoint as FiducialPoint
 from .points import FiducialPoints as FiducialPoints
-from .shadows import hidden_behind_circles as hidden_behind_circles
-from .shadows import shade_told as shade_told
-from .shadows import shaded as shaded
 from .shadows import shaded_circles as shaded_circles

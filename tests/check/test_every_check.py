@@ -42,6 +42,19 @@ SETTINGS = {
     "pose_repeats": {"repeats": 10},
 }
 
+#: Two of the plate's modes, in a run of too few lines to find any.
+MODES = dataset.group(
+    "modes",
+    {"mode": [1, 2], "line": [0, 1]},
+    natural_frequency=[197.0, 439.01],
+    natural_frequency_std=[0.01, 0.02],
+    damping_ratio=[0.01, 0.0099],
+    damping_ratio_std=[1e-4, 1e-4],
+    scale_std=[1e-3, 1e-3],
+    phase_std=[1e-3, 1e-3],
+    line_frequency=[100.0, 500.0],
+)
+
 each_check = pytest.mark.parametrize("name", registry.names("check"))
 
 
@@ -58,6 +71,7 @@ def run(run_once) -> dataset.RunData:
     points = open_run(run_once(*point))
     for one in ("point", "line_of_sight", "compare/three"):
         session.groups[one] = points[one].to_dataset()
+    session.groups["modes"] = MODES
     return session
 
 

@@ -10,7 +10,9 @@ import numpy as np
 import pytest
 
 import sldvexp as package
+from sldvexp.cli.in_process import watched_run
 from sldvexp.errors import UserError
+from sldvexp.session import Operator, Watcher, Wish
 
 
 @pytest.fixture
@@ -108,3 +110,24 @@ def test_a_configuration_is_checked_once(here, monkeypatch):
     monkeypatch.setattr(schema, "build", lambda cfg: built.append(cfg) or build(cfg))
     package.run("experiment=point", quiet=True)
     assert len(built) == 1
+
+
+class Fed(Watcher):
+    """Somebody who has enough after so many lines."""
+
+    def __init__(self, lines):
+        self.left = lines
+
+    def between_lines(self, view, lines, done, count):
+        if not self.left:
+            raise UserError("enough")
+        self.left -= 1
+        return Wish()
+
+
+def test_a_scan_that_ends_early_says_how_it_goes_on_if_anything_is_kept(here):
+    for lines, kept in ((0, False), (2, True)):
+        with pytest.raises(UserError, match="enough") as error:
+            watched_run(["experiment=plate"], "none", Fed(lines), Operator())
+        told = f". What is scanned is kept: sldvexp resume={here}/outputs/"
+        assert (told in str(error.value)) == kept

@@ -12,6 +12,7 @@ from sldvexp.console.board import NoticeBoard
 from sldvexp.console.outlook import Outlook
 from sldvexp.console.scanning import Asked, Scanning
 from sldvexp.geometry import KnownPose
+from sldvexp.scan.rectangle import ScanRegion
 from sldvexp.scan.session import Session
 from sldvexp.session.session import scan_views
 from sldvexp.virtual_lab.lab import VirtualLab
@@ -134,6 +135,16 @@ def test_region_is_that_which_the_scan_has_of_its_own(bench, rough, seen):
     found = predicted(seen.look()["marks"])
     aimed = rough.scan.aimed(rough.laser, rough.target)
     wanted = np.array(aimed.parts("1")[1].views["1"].corners)
+    np.testing.assert_allclose([found["corner", k] for k in (1, 2, 3, 4)], wanted, atol=1)
+
+
+def test_region_of_a_view_of_its_own_goes_before_that_of_all(rough):
+    own = [[0.4, 0.0, 0], [0.5, 0.0, 0], [0.5, 0.1, 0], [0.4, 0.1, 0]]
+    region = ScanRegion(pose=rough.scan.poses["1"], corners_at=own)
+    scan = replace(rough.scan.structure, views={"1": region})
+    outlook = Outlook(replace(rough, scan=scan), {"corner": [1, 2, 3, 4]})
+    found = outlook.of({}, "1").predicted
+    wanted = scan.aimed(rough.laser, rough.target).views["1"].corners
     np.testing.assert_allclose([found["corner", k] for k in (1, 2, 3, 4)], wanted, atol=1)
 
 

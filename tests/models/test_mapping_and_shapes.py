@@ -141,3 +141,18 @@ def test_poses_that_are_off_together_are_known_by_their_joint_covariance(measure
         stacked = StackedPixels.of_views(views, covariance)
         found = join_shapes([examine_shape(stacked, k, k) for k in range(5)])
         assert (found.p_value > 1e-3) == right
+
+
+def test_mixing_that_uncertain_poles_make_is_known_and_no_fault_of_the_model(measured):
+    tree, share = measured.tree(4), 0.01
+    for name, image in list(tree.items()):
+        if name.startswith("modes/image/"):
+            velocity = image["velocity"].copy()
+            velocity[:, 3] = velocity[:, 3] + share * velocity[:, 4]
+            tree[name] = image.assign(velocity=velocity)
+    views = [map_shapes(closed_form(), one) for one in modal_pixels(tree, LASER)]
+    mixing = np.zeros((2, 5, 5))
+    assert examine_shape(StackedPixels.of_views(views, None, mixing), 3, 3).p_value < 1e-3
+    mixing[0, 3, 4] = share
+    assert examine_shape(StackedPixels.of_views(views, None, mixing), 3, 3).p_value > 1e-2
+    assert examine_shape(StackedPixels.of_views(views, None, mixing[::-1]), 3, 3).p_value < 1e-3

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from sldvexp.dataset import RunData, Severity, save
+from sldvexp.dataset import RunData, Severity, group, save
 from sldvexp.errors import UserError
 from sldvexp.models import (
     FiniteElementModel,
@@ -19,6 +19,7 @@ from sldvexp.models import (
     update_parameters,
 )
 from sldvexp.models.estimate import examine_model
+from sldvexp.models.responses import respond
 from sldvexp.models.result import model_to_datasets
 from sldvexp.models.wording import findings_about
 from sldvexp.plot import model_shapes
@@ -84,8 +85,8 @@ def test_mac_of_a_right_model_is_within_its_own_spread(measured):
     off = []
     for seed in range(4):
         found = examined(measured, source(), seed)
-        group = model_to_datasets(found, {})["model"]
-        off += list((group.mac_of_pair - group.mac_expected) / group.mac_std)
+        found_group = model_to_datasets(found, {})["model"]
+        off += list((found_group.mac_of_pair - found_group.mac_expected) / found_group.mac_std)
     assert np.abs(off).max() < 4
     assert abs(np.mean(off)) < 4 / np.sqrt(len(off))
 
@@ -175,14 +176,14 @@ def test_expanded_modes_lie_within_their_bounds_at_every_node(measured):
     off = []
     for seed in range(3):
         found = examined(measured, source(), seed)
-        group = model_to_datasets(found, {})["model/shape"]
+        found_group = model_to_datasets(found, {})["model/shape"]
         plate, names = measured.plate, measured.plate.mode_names
         for k, name in enumerate(names):
             alone = plate.in_modes({n: float(n == name) for n in names})
-            true = alone.velocity(group.position.values, float(measured.frequency[k]))[:, 2]
-            std = group.velocity_std.values[:, 2, k]
+            true = alone.velocity(found_group.position.values, float(measured.frequency[k]))[:, 2]
+            std = found_group.velocity_std.values[:, 2, k]
             inside = np.isfinite(true) & (std > 1e-3 * std.max())
-            error = (group.velocity.values[:, 2, k] - true).real
+            error = (found_group.velocity.values[:, 2, k] - true).real
             off.append(error[inside] / std[inside])
     spread = np.sqrt(np.mean(np.concatenate(off) ** 2))
     assert 0.6 < spread < 1.5
@@ -208,3 +209,24 @@ def test_model_that_lacks_a_measured_mode_says_so_and_is_kept_in_a_file(measured
     assert np.isnan(run.groups["model"]["chi2"].values).tolist() == [0, 0, 1, 0, 0]
     assert model_section(run).title == "Model"
     assert len(model_shapes(run).axes) >= 8
+
+
+def test_criteria_by_place_and_line_are_near_what_noise_leaves(measured):
+    found = examined(measured, source(closed_form((24, 20))), pose_std=None)
+    line = np.arange(150.0, 900.0, 10.0)
+    rng, images, std = np.random.default_rng(3), {}, 2e-5
+    for k, velocity in enumerate(measured.velocity):
+        quiet = respond(velocity, measured.frequency, measured.damping, line)
+        parts = std * rng.normal(size=(2, *quiet.shape))
+        images[str(k + 1)] = group(
+            "image",
+            {"pixel": np.arange(len(quiet)), "frequency": line},
+            velocity=quiet + parts[0] + 1j * parts[1],
+            velocity_std=np.full(quiet.shape, std),
+        )
+    groups = model_to_datasets(found, images)
+    pixels = [groups[f"model/image/{k + 1}"] for k in range(5)]
+    for name, own in (("csac", [groups["model"]]), ("frac", pixels), ("comac", pixels)):
+        off = np.concatenate([((g[name] - g[f"{name}_expected"]) / g[f"{name}_std"]) for g in own])
+        assert abs(np.median(off)) < 0.5, name
+        assert 0.5 < np.subtract(*np.percentile(off, [75, 25])) / 1.35 < 1.5, name

@@ -25,8 +25,8 @@ def errors(seeds, noise, pixels):
         power = (shape**2).sum(axis=0)
         scale = (shape * velocity).sum(axis=0) / power - 1
         chance = ((shape * std) ** 2).sum(axis=0) / power**2
-        expected = np.sqrt(found.modes["scale_std"].values ** 2 + chance)
-        scales += [scale.real / expected, scale.imag / expected]
+        for part, name in ((scale.real, "scale_std"), (scale.imag, "phase_std")):
+            scales.append(part / np.sqrt(found.modes[name].values ** 2 + chance))
         left = velocity - (1 + scale) * shape
         seen.append(np.mean(np.abs(left) ** 2 / std**2 / 2))
     return np.array(poles), np.array(scales), np.array(seen)
@@ -91,9 +91,9 @@ def test_shares_of_a_neighbour_are_as_uncertain_as_told():
         share = np.linalg.lstsq(shape, velocity, rcond=None)[0].T - np.eye(2)
         chance = np.linalg.inv(shape.T @ shape)
         noise = np.sqrt((std**2).mean(axis=0)[:, None] * np.diag(chance))
-        shares.append(share / np.hypot(found.modes["mixing_std"].values, noise))
-        told.append(found.modes["mixing_std"].values / noise)
-    shares = np.array(shares)
+        mixing = found.projection.mixing(found.fit.covariance)
+        shares.append(np.stack([share.real, share.imag]) / np.hypot(mixing, noise))
+        told.append(mixing / noise)
+    parts = np.array(shares)
     assert np.mean(told) > 1
-    parts = np.stack([shares.real, shares.imag])
     assert abs(parts.std() - 1) < 3.3 / np.sqrt(parts.size)

@@ -45,7 +45,7 @@ def test_modal_images_become_mode_shapes_with_bounds(sldvexp, reconstruction, ma
     found = tree["examined/modes"]
     assert int(found["false_modes"]) == int(found["missed_modes"]) == 0
     assert np.all(found["mac"].sel(component="z").values > mac)
-    assert "2 modes, 43" in done.out
+    assert "2 modes: 43" in done.out
     assert tree["image"].children.keys() == tree["modes/image"].children.keys()
 
 
@@ -54,7 +54,7 @@ def test_without_a_reconstruction_there_are_modal_images_alone(sldvexp):
     assert done.status == 0, done.err
     assert list(done.tree["modes"].children) == ["image"]
     lines = dict(closing_lines(RunData.from_source(done.tree), [done.folder / "run.nc"]))
-    assert "2 modes, 43" in lines["found"]
+    assert "2 modes: 43" in lines["found"]
 
 
 def test_a_band_without_modes_ends_the_run_with_a_sentence(sldvexp):

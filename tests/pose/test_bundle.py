@@ -143,6 +143,28 @@ def test_a_wrong_sighting_is_left_out_and_named():
     assert not right.findings
 
 
+def test_points_with_each_others_angles_are_named():
+    lab = Lab(5, points=6)
+    tables = lab.tables(np.random.default_rng(0))
+    tables[1].dac[[2, 4]] = tables[1].dac[[4, 2]]
+    found = solve(lab, tables, lab.method())
+    (finding,) = found.findings
+    assert (finding.kind, finding.severity.name) == ("exchanged_points", "doubtful")
+    assert "point 3 of view left and point 5 of view left seem to be exchanged" in finding.text
+
+
+def test_a_wrong_distance_is_named():
+    lab = Lab(5, points=8)
+    p = lab.points
+    lengths = {(a, b): np.linalg.norm(p[a - 1] - p[b - 1]) for a, b in [(1, 2), (3, 4), (1, 5)]}
+    lengths[3, 4] += 0.01
+    known = [Distance(list(pair), float(x), 2e-4) for pair, x in lengths.items()]
+    found = solve(lab, lab.tables(np.random.default_rng(1)), lab.method(distances=known))
+    (finding,) = found.findings
+    assert (finding.kind, finding.severity.name) == ("wrong_distance", "void")
+    assert finding.subject == "distance of points 3 and 4"
+
+
 def test_errors_larger_than_stated_are_doubted():
     lab = Lab(6, points=8)
     tables = lab.tables(np.random.default_rng(2))

@@ -47,14 +47,16 @@ def modes(hertz: np.ndarray = HERTZ) -> xr.Dataset:
     )
 
 
-def model(shapes: str = "accepted", frequencies: str = "accepted") -> xr.Dataset:
-    """A model of four modes, of which the third measured one is none, and one is mixed."""
+def model(
+    shapes: str = "accepted", frequencies: str = "accepted", pair: tuple[int, ...] = (1, 2, 0)
+) -> xr.Dataset:
+    """A model of four modes, of which the third measured one may be none; one is mixed."""
     mixed = np.zeros((3, 4), complex)
     mixed[1, 2] = 0.02
     return dataset.group(
         "model",
         {"mode": [1, 2, 3], "model_mode": [1, 2, 3, 4]},
-        pair=[1, 2, 0],
+        pair=pair,
         measured_frequency=HERTZ,
         model_frequency=[197.2, 438.0, 600.0, 700.0],
         difference=[-1e-3, 2e-3, np.nan],
@@ -76,3 +78,26 @@ def told_of_model() -> xr.Dataset:
         Finding("model_shapes", "model", "model: the shapes are those measured", Severity.note),
     )
     return findings_to_dataset(made)
+
+
+def pixels(paired: int = 2) -> dict[str, xr.Dataset]:
+    """Images of a model of so many paired modes, at some of the pixels of two views."""
+    rng = np.random.default_rng(4)
+    found = {}
+    for view, count in (("left", 6), ("right", 9)):
+        shape = (12, 3)
+        found[f"modes/image/{view}"] = dataset.group(
+            "image",
+            {"pixel": np.arange(12), "frequency": HERTZ},
+            velocity=rng.normal(size=shape) + 1j * rng.normal(size=shape),
+            velocity_std=rng.uniform(1e-3, 2e-3, shape),
+        )
+        x, y = np.divmod(np.arange(count), 3)
+        found[f"model/image/{view}"] = dataset.group(
+            "model/image",
+            {"pixel": np.arange(count) + 2},
+            velocity=rng.normal(size=(count, paired)) + 0j,
+            residual=1e-3 * rng.normal(size=(count, paired)) + 0j,
+            position=0.1 * np.stack([x, y, 0 * x], axis=1),
+        )
+    return found

@@ -7,11 +7,20 @@ import numpy as np
 from sldvexp.dataset import RunData, group
 from sldvexp.plot import figures_of
 from sldvexp.report import closing_lines, closing_table
-from sldvexp.report.html import modal, run_page
-from sldvexp.report.html.blocks import Figure, HtmlTable, Listing, Text
+from sldvexp.report.html import modal, results, run_page, shape
+from sldvexp.report.html.blocks import (
+    Alternatives,
+    Beside,
+    Figure,
+    HtmlTable,
+    Listing,
+    Shape,
+    Text,
+)
 from sldvexp.report.key_numbers import key_numbers
 from sldvexp.report.modal_tables import modal_tables, model_sentences
-from tests.report.made_modes import LIMITS, model, modes, told_of_model
+from tests.report.made_modes import LIMITS, model, modes, pixels, told_of_model
+from tests.report.test_shape import floats
 
 
 def column(table, name):
@@ -65,6 +74,18 @@ def test_modes_are_a_table_with_bounds():
     assert column(table, "damping, %")[2] == "1.00020 ± 0.00098"
     assert column(table, "complexity, ‰")[0] == "0.200 ± 0.020"
     assert column(table, "phase, deg")[0] == "0.573"
+    (table,) = modal_tables(RunData({"modes": modes().assign(phase_std=("mode", [1e-3] * 3))}))
+    assert column(table, "phase, deg")[0] == "0.57 ± 0.11"
+
+
+def test_the_modal_scale_is_told_where_the_reference_is_known():
+    scaled = modes().assign(modal_scale=("mode", [2e-3, 3e-3, np.nan]))
+    scaled["modal_scale_std"] = "mode", [1e-5, 1e-5, np.nan]
+    (table,) = modal_tables(RunData({"modes": scaled}))
+    assert column(table, "modal scale, mm/s")[:2] == ["2.000 ± 0.020", "3.000 ± 0.020"]
+    scaled["modal_scale"] = "mode", [np.nan] * 3
+    (table,) = modal_tables(RunData({"modes": scaled}))
+    assert "modal scale, mm/s" not in [c.header for c in table.columns]
 
 
 def test_no_mode_found_is_said_and_makes_an_empty_table(tmp_path):
@@ -87,6 +108,15 @@ def test_a_model_is_a_table_of_pairs_with_the_tests():
     assert column(table, "expected if right")[0] == "0.9999100 ± 0.0000020"
     assert column(table, "shape p") == ["0.4", "1e-09", ""]
     assert column(table, "mixed with") == ["", "3 (2 %)", ""]
+
+
+def test_a_p_value_below_all_numbers_is_not_zero():
+    tested = model("rejected", "rejected")
+    tested["p_value"][1] = 0.0
+    tested["frequencies_p_value"] = 0.0
+    _, table = modal_tables(RunData({"modes": modes(), "model": tested}))
+    assert column(table, "shape p") == ["0.4", "< 1e-300", ""]
+    assert str(table.title).endswith("; frequencies together p < 1e-300")
 
 
 def test_what_cannot_be_told_of_a_model_is_its_last_sentence():
@@ -125,3 +155,57 @@ def test_the_page_has_a_section_of_modes_and_one_of_the_model():
 def test_a_run_without_modes_has_no_such_sections():
     run = RunData({})
     assert modal.modes_section(run) is modal.model_section(run) is None
+
+
+def test_measured_and_computed_shapes_stand_beside_each_other_at_the_pixels():
+    groups = {"modes": modes(), "model": model()} | pixels()
+    (beside,) = (b for b in modal.model_section(RunData(groups)).blocks if isinstance(b, Beside))
+    (measured,), (computed,) = beside.columns
+    of = groups["model/image/right"]  # which sees more pixels of the model
+    for drawn, velocity in (
+        (measured, of["velocity"] + of["residual"]),
+        (computed, of["velocity"]),
+    ):
+        assert drawn.data["numbers"] == [1, 2]  # the third has no pair
+        assert drawn.data["frequencies"] == [197.0, 439.0]
+        real = floats(drawn.data["real"]).reshape(2, 9)
+        np.testing.assert_allclose(real, velocity.T.real, rtol=1e-6)
+    std = groups["modes/image/right"]["velocity_std"].values[2:11, :2]
+    bound = floats(measured.data["bound"]).reshape(2, 9)
+    np.testing.assert_allclose(bound, 1.959964 * std.T, rtol=1e-5)
+    assert np.isnan(floats(computed.data["bound"])).all()
+
+
+def test_mode_shapes_are_shown_first_and_the_lines_can_be_chosen(
+    small_volume, small_field, no_figures
+):
+    around = small_volume()
+    lines, shapes = small_field(around), small_field(around, hertz=(197.0, 439.0, 545.0))
+    run = RunData({"volume": around, "field": lines, "modes/field": shapes})
+    (choice,) = results.shape_blocks(run)
+    assert isinstance(choice, Alternatives)
+    first, second = (column[0] for column in choice.columns)
+    assert (first.name, second.name) == ("shape-modes", "shape")
+    assert first.data["numbers"] == [1, 2, 3]
+    assert "numbers" not in second.data
+    assert first.data["frequencies"] == [197.0, 439.0, 545.0]
+
+
+def test_shapes_of_modes_and_lines_share_the_room_of_a_page(
+    small_volume, small_field, no_figures, monkeypatch
+):
+    around = small_volume()
+    lines, shapes = small_field(around, hertz=tuple(range(100, 160))), small_field(around)
+    run = RunData({"volume": around, "field": lines, "modes/field": shapes})
+    monkeypatch.setattr(shape, "MOST_BYTES", 20_000)
+    (choice,) = results.shape_blocks(run)
+    both = [column[0].data for column in choice.columns]
+    numbers = {k: both[1][k] for k in ("real", "imaginary", "bound", "layers")}
+    assert shape.size_of(both[0]) + shape.size_of(numbers) <= 20_000
+    assert both[0]["left_out"] == 0 < both[1]["left_out"]
+
+
+def test_a_run_without_mode_shapes_has_its_one_shape(small_volume, small_field, no_figures):
+    around = small_volume()
+    run = RunData({"volume": around, "field": small_field(around)})
+    assert [type(block) for block in results.shape_blocks(run)] == [Shape, Text]

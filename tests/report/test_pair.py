@@ -116,3 +116,24 @@ def test_points_are_compared_too(tmp_path, small_points):
         paths.append(path)
     (table,) = of_kind(pair_section(paths, ["a", "b"]), HtmlTable)
     assert [table.rows[i][i + 1] for i in (0, 1)] == ["1", "1"]
+
+
+def test_of_two_runs_with_modes_these_are_compared(
+    tmp_path, write_run, small_volume, small_field, no_figures
+):
+    around, paths = small_volume(), []
+    for name, order in (("a", [0, 1]), ("b", [1, 0])):
+        shapes = small_field(around, hertz=(200.0, 440.0)).isel(frequency=order)
+        shapes = shapes.assign_coords(frequency=[200.0, 440.0])
+        (tmp_path / name).mkdir()
+        paths.append(write_run(tmp_path / name, volume=around, **{"modes/field": shapes}))
+    section = pair_section(paths, ["one", "other"])
+    (beside,), (table,) = of_kind(section, Beside), of_kind(section, HtmlTable)
+    shapes = [next(b for b in column if isinstance(b, Shape)) for column in beside.columns]
+    assert [shape.data["frequencies"] for shape in shapes] == [[200.0, 440.0]] * 2
+    assert [shape.data["partners"] for shape in shapes] == [[1, 0], [1, 0]]
+    assert table.columns[1:] == ["200 Hz", "440 Hz"]
+    lines = small_field(around)
+    paths[1] = write_run(tmp_path / "b", volume=around, field=lines)
+    (beside,) = of_kind(pair_section(paths, ["one", "other"]), Beside)
+    assert all(c[0].data["frequencies"] == [197.0, 439.0] for c in beside.columns)

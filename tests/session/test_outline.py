@@ -11,6 +11,7 @@ from sldvexp.errors import UserError
 from sldvexp.geometry import vector_from_rotation
 from sldvexp.pose.part import Part
 from sldvexp.session.session import scan_views
+from sldvexp.units import LengthUnit
 
 POSE = "{origin: [0.28, 0.54, 1.64], look_at: [0.31, 0.15, 0.0]}"
 #: The plate of the scene, which stands beside the calibration object.
@@ -115,6 +116,49 @@ def test_a_session_scans_outline_and_image_from_one_place(composed, tmp_path):
     groups = scan_views(e, tmp_path / "journal")
     assert sorted(groups) == ["edge/a", "image/a"]
     assert np.abs(pose_error(e, groups)[1]).max() < 4e-4
+
+
+def raster(composed, tmp_path, *overrides):
+    """A quick raster of the whole plate, and the method that finds its outline there."""
+    path = tmp_path / "plate.obj"
+    path.write_text(MESH)
+    corners = "[[0.24, -0.02, 0], [0.6, -0.02, 0], [0.6, 0.3, 0], [0.24, 0.3, 0]]"
+    e = composed(
+        "scan=rectangle",
+        f"scan.views={{a: {{pose: {POSE}}}}}",
+        f"scan.corners_at={corners}",
+        "scan.pixels=[60, 70]",
+        f"scan.sampling={SAMPLING}",
+        *FREE,
+        *overrides,
+    )
+    e = replace(e, target=None)
+    rough = e.scan.views["a"].pose
+    groups = scan_views(e, tmp_path / "journal")
+    return e, groups, Part(path=str(path), unit=LengthUnit.mm, views={"a": rough})
+
+
+def test_a_quick_raster_gives_a_pose_too(composed, tmp_path):
+    e, groups, method = raster(composed, tmp_path)
+    found = method.estimate(e.laser, None, groups)
+    truth = e.scene.views["a"]
+    error = found.origin[0] - truth.place
+    # Pixels are 6 mm apart, and the plate is seen nearly from its front.
+    assert np.abs(error).max() < 0.15
+    assert (np.abs(error) < 4 * found.pose["origin_std"].values[0]).all()
+
+
+def test_a_raster_without_an_outline_is_refused(composed, tmp_path):
+    e, groups, method = raster(composed, tmp_path, "scene.plate.edges=supported")
+    quiet = groups["image/a"].copy()
+    quiet["velocity"] = quiet["velocity"] * 1e-6
+    with pytest.raises(UserError, match="view a: the raster shows no outline of a part"):
+        method.estimate(e.laser, None, {"image/a": quiet})
+    with pytest.raises(UserError, match="there is no image of a view a"):
+        method.estimate(e.laser, None, {"image/b": quiet})
+    del quiet.attrs["shape"]
+    with pytest.raises(UserError, match="its image is no raster"):
+        method.estimate(e.laser, None, {"image/a": quiet})
 
 
 def test_lines_that_were_scanned_are_not_scanned_again(outlined, tmp_path):

@@ -7,16 +7,8 @@ import pytest
 
 from sldvexp.geometry import KnownPose
 from sldvexp.laser import project, rays
-from sldvexp.targets import (
-    Circle,
-    Circles,
-    Plane,
-    hidden_behind_circles,
-    shade_told,
-    shaded,
-    shaded_circles,
-)
-from sldvexp.targets.shadows import REST, SPAN
+from sldvexp.targets import Circle, Circles, Plane, shaded_circles
+from sldvexp.targets.shadows import REST, SPAN, hidden_behind_circles, shade_told, shaded
 
 PLANES = {"front": Plane(), "raised": Plane(origin=[0, 0, 0.1])}
 #: The raised circle stands between the first one and an instrument on the right.

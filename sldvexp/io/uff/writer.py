@@ -19,6 +19,8 @@ STRAIN, DISPLACEMENT, VELOCITY, FREQUENCY = 3, 8, 11, 18
 CHARACTERISTICS = {3: 2, 6: 4}
 #: Kinds of shapes: of a normal mode, of a complex one, of a frequency response.
 NORMAL_MODE, COMPLEX_MODE, RESPONSE = 2, 3, 5
+#: Location of values in data sets 2414.
+AT_NODES = 1
 #: Kinds of function: spectrum.
 SPECTRUM = 12
 REAL, COMPLEX, DOUBLE_COMPLEX = 2, 5, 6
@@ -195,17 +197,78 @@ def shape(
         second = [f"{2:10d}{6:10d}{1:10d}{step:10d}", single(numbers)]
     else:
         second = [f"{2:10d}{1:10d}{1:10d}{step:10d}", single([frequency])]
-    data = COMPLEX if np.iscomplexobj(values) else REAL
+    lines = [_kinds(analysis, quantity, values), *second, *_at_nodes(values)]
+    return dataset(55, [*identification(about), *lines])
+
+
+def _kinds(analysis: int, quantity: int, values: NDArray) -> str:
+    """Write the line that tells of what kind values at nodes are."""
+    data, count = COMPLEX if np.iscomplexobj(values) else REAL, values.shape[1]
+    kinds = (1, analysis, CHARACTERISTICS[count], quantity, data, count)
+    return "".join(f"{n:10d}" for n in kinds)
+
+
+def _at_nodes(values: NDArray) -> Iterator[str]:
+    """Write values at nodes from 1, of those that have all."""
     whole = np.isfinite(values).all(axis=1)
     flat = np.ascontiguousarray(values[whole])
-    flat = flat.view(float) if data == COMPLEX else flat
-    lines = []
+    flat = flat.view(float) if np.iscomplexobj(values) else flat
     for label, row in zip(np.flatnonzero(whole) + 1, flat, strict=True):
-        lines += [f"{label:10d}", *(single(row[i : i + 6]) for i in range(0, len(row), 6))]
-    count = values.shape[1]
-    kinds = (1, analysis, CHARACTERISTICS[count], quantity, data, count)
-    kind = "".join(f"{n:10d}" for n in kinds)
-    return dataset(55, [*identification(about), kind, *second, *lines])
+        yield f"{label:10d}"
+        yield from (single(row[i : i + 6]) for i in range(0, len(row), 6))
+
+
+def mode_55(
+    about: Sequence[str], values: NDArray, pole: complex, number: int, quantity: int = VELOCITY
+) -> str:
+    """Write data set 55: a mode shape, a normal mode if it is real, else a complex one.
+
+    Parameters
+    ----------
+    about : sequence of str
+        Five lines.
+    values : ndarray, shape (node, 3) or (node, 6)
+        Nodes that lack a component are left out.
+    pole : complex, rad/s
+        Its modal mass, or modal A and B, are written as 0, which is unknown.
+    number : int
+        Of the mode, from 1.
+    """
+    if np.iscomplexobj(values):
+        analysis, reals = COMPLEX_MODE, [pole.real, pole.imag, 0.0, 0.0, 0.0, 0.0]
+    else:
+        analysis, reals = NORMAL_MODE, [*_frequency_and_damping(pole), 0.0]
+        reals.insert(1, 0.0)  # modal mass
+    second = f"{2:10d}{len(reals):10d}{1:10d}{number:10d}"
+    lines = [_kinds(analysis, quantity, values), second, single(reals), *_at_nodes(values)]
+    return dataset(55, [*identification(about), *lines])
+
+
+def mode_2414(
+    about: Sequence[str], values: NDArray, pole: complex, number: int, quantity: int = VELOCITY
+) -> str:
+    """Write data set 2414, the newer `mode_55`, of the same parameters."""
+    analysis = COMPLEX_MODE if np.iscomplexobj(values) else NORMAL_MODE
+    hertz, damping = _frequency_and_damping(pole)
+    squared = 0.0 if analysis == COMPLEX_MODE else abs(pole) ** 2
+    complex_pole = [pole.real, pole.imag] if analysis == COMPLEX_MODE else [0.0, 0.0]
+    lines = [
+        f"{number:10d}",
+        *identification([f"mode {number}, {hertz:.6g} Hz"]),
+        f"{AT_NODES:10d}",
+        *identification(about),
+        _kinds(analysis, quantity, values),
+        "".join(f"{n:10d}" for n in (0, 0, 0, 0, 1, number, 0, 0)),
+        f"{0:10d}{0:10d}",
+        single([0.0, hertz, squared, 0.0, damping, 0.0]),
+        single([*complex_pole, 0.0, 0.0, 0.0, 0.0]),
+    ]
+    return dataset(2414, [*lines, *_at_nodes(values)])
+
+
+def _frequency_and_damping(pole: complex) -> tuple[float, float]:
+    """Give natural frequency, Hz, and damping ratio of a pole, rad/s."""
+    return abs(pole) / (2 * np.pi), -pole.real / abs(pole)
 
 
 def function(

@@ -151,6 +151,27 @@ class Beside:
 
 
 @dataclass(frozen=True)
+class Alternatives:
+    """Columns of which one is shown, the first until another is chosen.
+
+    Parameters
+    ----------
+    name : str
+        Of the control.
+    label : str
+        What is chosen.
+    titles : sequence of str
+        Of the columns.
+    """
+
+    kind: ClassVar[str] = "choice"
+    name: str
+    label: str
+    titles: Sequence[str]
+    columns: Sequence[Sequence[Any]]
+
+
+@dataclass(frozen=True)
 class Lead:
     """The first screen: words and numbers, and beside them what is looked at."""
 

@@ -1,21 +1,32 @@
-"""Modes and a finite element model put to the test: a section each, near the top of a page."""
+"""Modes and a finite element model put to the test: a section each, near the top of a page.
+
+Measured and computed shapes stand beside each other at the pixels of one view, along the lines of
+sight: that is what is compared, and it needs no field and no model that fits.
+"""
 
 from __future__ import annotations
 
-from sldvexp.dataset import RunData
+from typing import Any
+
+import numpy as np
+
+from sldvexp.dataset import RunData, group
 from sldvexp.lazy import xarray as xr
-from sldvexp.report.html.blocks import HtmlTable, Listing, Section, Text, having
+from sldvexp.report.html.blocks import Beside, HtmlTable, Listing, Section, Shape, Text, having
 from sldvexp.report.html.figures import figures
+from sldvexp.report.html.shape import shape_of_points
 from sldvexp.report.modal_tables import (
+    level_factor,
     mode_table,
     model_sentences,
     model_table,
     verdict_on_model,
 )
 from sldvexp.report.numbers import number
+from sldvexp.typing import Array, ComplexArray
 
-#: Column of the model's table whose cells may be broken into lines.
-MIXED_WITH = 9
+#: Component of a velocity along the line of sight.
+BEAM = "beam"
 
 
 def modes_section(run: RunData) -> Section | None:
@@ -46,10 +57,11 @@ def model_section(run: RunData) -> Section | None:
         "Model",
         having(
             Text(f"The model is {verdict}.", tone),
-            HtmlTable.from_table(model_table(model), (MIXED_WITH,)),
+            HtmlTable.from_table(model_table(model)),
             Text(note, "small"),
             _adjusted(model),
             Listing(model_sentences(run)),
+            _shapes_beside(run),
             figures(run, "model"),
         ),
     )
@@ -71,3 +83,50 @@ def _adjusted(model: xr.Dataset) -> HtmlTable | None:
     ]
     columns = ["parameter", "value that fits", "change, %", "its standard error, %"]
     return HtmlTable(columns, rows, "Parameters adjusted to the frequencies")
+
+
+def _shapes_beside(run: RunData) -> list[Beside | Text]:
+    """Show measured and computed shapes at the pixels of the view that sees most of the model."""
+    views = run.below("model/image", "velocity", "residual", "position")
+    known = {name: one for name, one in views.items() if run.has(f"modes/image/{name}", "velocity")}
+    if not known:
+        return []
+    view = max(known, key=lambda name: known[name].sizes["pixel"])
+    of, modes, model = known[view], run.groups["modes"], run.groups["model"]
+    number = model["mode"].values[model["pair"].values > 0]
+    own = np.searchsorted(modes["mode"].values, number)
+    hertz = modes["natural_frequency"].values[own]
+    computed, left = (of[name].transpose("pixel", ...).values for name in ("velocity", "residual"))
+    std = run.groups[f"modes/image/{view}"]["velocity_std"].transpose("pixel", "frequency").values
+    bound = level_factor(modes) * std[of["pixel"].values][:, own]
+    columns = []
+    for name, velocity, width in (
+        ("modes-measured", computed + left, bound),
+        ("modes-computed", computed, np.full(bound.shape, np.nan)),
+    ):
+        data = _shape_at_pixels(of, velocity, width, hertz) if hertz.size else None
+        if data is None:
+            return []
+        data |= {"numbers": number.tolist(), "partners": list(range(len(hertz))), "dots": False}
+        columns.append([Shape(data, name)])
+    told = (
+        f"Pixels of the view {view} that see the model, {of.sizes['pixel']} of them; velocities "
+        "along the line of sight, drawn as heights. Computed ones are the paired mode times the "
+        "factor that fits, and follow what is chosen of the measured ones."
+    )
+    return [Beside(["Measured", "Computed"], columns), Text(told, "small")]
+
+
+def _shape_at_pixels(
+    of: xr.Dataset, velocity: ComplexArray, bound: Array, hertz: Array
+) -> dict[str, Any] | None:
+    """Prepare velocities of pixels along their lines of sight for the page's script."""
+    pixel = [str(pixel) for pixel in of["pixel"].values]
+    seen = group(
+        "point",
+        {"point": pixel, "component": [BEAM], "frequency": hertz},
+        velocity=velocity[:, None],
+        confidence=bound[:, None],
+    )
+    place = group("line_of_sight", {"point": pixel}, position=of["position"].values)
+    return shape_of_points(seen, place)

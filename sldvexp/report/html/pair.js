@@ -1,6 +1,7 @@
 // Two shapes beside each other: what is chosen of one is chosen of the other.
 "use strict";
-SHAPES.then(([first, second]) => {
+SHAPES.then((shapes) => {
+  const [first, second] = shapes.filter((shape) => shape && shape.root.closest(".beside"));
   if (!first || !second) return;
   let following = false;
   const follow = (act) => (...given) => {

@@ -9,6 +9,7 @@ in both runs; whether a value is above its bound does not count.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -20,7 +21,8 @@ from sldvexp.dataset import RunData, load
 from sldvexp.geometry import joined_points
 from sldvexp.lazy import scipy
 from sldvexp.report.html.blocks import Beside, HtmlTable, Section, Shape, Text, having
-from sldvexp.report.html.results import shape_blocks
+from sldvexp.report.html.figures import figures
+from sldvexp.report.html.results import lines_shape, mode_shapes
 from sldvexp.report.html.shape import surface_values
 from sldvexp.report.numbers import number
 
@@ -28,6 +30,8 @@ from sldvexp.report.numbers import number
 MOST_APART = 1e-3
 #: A table of more rows or columns than this tells each frequency's best partner only.
 MOST_COLUMNS = 8
+#: With which the names of both shapes' controls begin.
+PREFIXES = ("shape", "other")
 
 
 @dataclass(frozen=True)
@@ -56,16 +60,22 @@ def pair_section(paths: Sequence[Path], names: Sequence[str]) -> Section | None:
         What they are called.
     """
     columns, surfaces, data = [], [], []
-    for path, prefix in zip(paths, ("shape", "other"), strict=True):
-        with load(path) as tree:
-            run = replace(RunData.from_source(tree), path=path)
-            blocks = shape_blocks(run, prefix)
+    with ExitStack() as opened:
+        trees = [opened.enter_context(load(path)) for path in paths]
+        runs = [
+            replace(RunData.from_source(tree), path=path)
+            for tree, path in zip(trees, paths, strict=True)
+        ]
+        shown = [mode_shapes(run, name) for run, name in zip(runs, PREFIXES, strict=True)]
+        modal = all(shown)
+        for run, prefix, modes in zip(runs, PREFIXES, shown, strict=True):
+            blocks = modes if modal else having(lines_shape(run, prefix), figures(run, "shape"))
             shapes = [block for block in blocks if isinstance(block, Shape)]
             if not shapes:
                 return None
             data.append(shapes[0].data)
-            surfaces.append(_surface(run, data[-1]))
-        columns.append(blocks)
+            surfaces.append(_surface(run, data[-1], modal))
+            columns.append(blocks)
     told = _compared(surfaces, data, names)
     return Section("Shapes", having(Beside(list(names), columns), told))
 
@@ -104,9 +114,9 @@ def same_nodes(first: NDArray, second: NDArray) -> tuple[NDArray, NDArray]:
     return own, other[own]
 
 
-def _surface(run: RunData, data: dict[str, Any]) -> Surface:
+def _surface(run: RunData, data: dict[str, Any], modal: bool) -> Surface:
     """Take what is drawn of a run, at the frequencies that its page has."""
-    fields = run.fields()
+    fields = {"modes": run.groups["modes/field"]} if modal else run.fields()
     if fields and "volume" in run.groups:
         position, velocity, directions = surface_values(
             next(iter(fields.values())), run.groups["volume"], data["frequencies"]

@@ -9,13 +9,13 @@ from pathlib import Path
 from typing import Any
 
 from sldvexp.lazy import jinja2, markupsafe
-from sldvexp.report.html.blocks import Beside, Lead, Link, More, Section, Shape
+from sldvexp.report.html.blocks import Alternatives, Beside, Lead, Link, More, Section, Shape
 from sldvexp.writing import whole_or_nothing
 
 #: What draws the moving shape; each uses those before it.
 SCRIPTS = (
     *("numbers.js", "mesh.js", "camera.js", "axes.js", "viewer.js", "graph.js", "picture.js"),
-    *("shape.js", "pair.js"),
+    *("shape.js", "pair.js", "choice.js"),
 )
 
 
@@ -77,9 +77,14 @@ def _own(name: str) -> str:
 
 def _flat(sections: Sequence[Section]) -> Iterator[Any]:
     for section in sections:
-        for block in section.blocks:
-            yield block
-            if isinstance(block, More | Lead):
-                yield from block.blocks
-            if isinstance(block, Beside):
-                yield from (part for column in block.columns for part in column)
+        yield from _within(section.blocks)
+
+
+def _within(blocks: Sequence[Any]) -> Iterator[Any]:
+    for block in blocks:
+        yield block
+        if isinstance(block, More | Lead):
+            yield from _within(block.blocks)
+        if isinstance(block, Beside | Alternatives):
+            for column in block.columns:
+                yield from _within(column)

@@ -14,11 +14,20 @@ import numpy as np
 from sldvexp.dataset import FREQUENCY, VARIABLES, RunData
 from sldvexp.lazy import xarray as xr
 from sldvexp.report.html import packing
-from sldvexp.report.html.blocks import HtmlTable, Lead, More, Section, Shape, Text, having
+from sldvexp.report.html.blocks import (
+    Alternatives,
+    HtmlTable,
+    Lead,
+    More,
+    Section,
+    Shape,
+    Text,
+    having,
+)
 from sldvexp.report.html.diagnostics import verdict_blocks
 from sldvexp.report.html.figures import drawable, figures
 from sldvexp.report.html.setup import views_table
-from sldvexp.report.html.shape import shape_of, shape_of_points
+from sldvexp.report.html.shape import shape_of, shape_of_points, size_of
 from sldvexp.report.key_numbers import key_numbers
 from sldvexp.report.numbers import number, with_bound
 from sldvexp.report.tables import (
@@ -33,6 +42,8 @@ POSE = VARIABLES["pose"]
 RESIDUALS = ("s", "residual_rms", "pointing_std", "dof")
 #: Velocities in the table of points, which scrolls; the dataset has all.
 MOST_VELOCITIES = 30
+#: What the moving shape shows, of runs that have both.
+CHOSEN = ("shapes of the modes", "velocity at the lines")
 
 
 def result_section(run: RunData) -> Section:
@@ -226,21 +237,51 @@ def strain_section(run: RunData) -> Section | None:
 def shape_blocks(run: RunData, name: str = "shape") -> list[Any]:
     """Make the shape that turns and moves, or why there is none.
 
+    Of a run with mode shapes these come first, and the field at the lines can be chosen.
+
     Parameters
     ----------
     name : str
         With which the names of its controls begin.
     """
+    modes = mode_shapes(run, f"{name}-modes")
+    taken = sum(size_of(block.data) for block in modes if isinstance(block, Shape))
+    lines = lines_shape(run, name, taken)
+    both = Alternatives(f"{name}-of", "Shown", CHOSEN, (modes, lines)) if modes else None
+    drawn = any(isinstance(block, Shape) for block in lines)
+    return having(both or lines, figures(run, "shape") if drawn else None)
+
+
+def mode_shapes(run: RunData, name: str) -> list[Any]:
+    """Make the shapes of the modes that turn and move; none of a run without."""
+    if not (run.has("modes/field", "velocity", "element") and "volume" in run.groups):
+        return []
+    strain = run.groups["modes/strain"] if run.has("modes/strain", "frame") else None
+    data = shape_of(run.groups["modes/field"], run.groups["volume"], strain, _pose_of(run))
+    if data is None:
+        return []
+    known = run.groups["modes/field"]["frequency"].values.tolist()
+    data["numbers"] = [1 + known.index(hertz) for hertz in data["frequencies"]]
+    note = "Mode shapes as they are at resonance under the excitation of the run."
+    return [Shape(data, name), Text(note + _notes_of(data), "small")]
+
+
+def lines_shape(run: RunData, name: str, taken: int = 0) -> list[Any]:
+    """Make the shape of the velocity at the lines, or why there is none.
+
+    Parameters
+    ----------
+    taken : int
+        Bytes that other shapes of the page take.
+    """
     fields = run.fields()
-    pose = run.groups["pose"] if run.has("pose", "origin", "rotation") else None
     if fields and "volume" in run.groups:
         strain = run.groups["strain"] if run.has("strain", "frame") else None
-        data = shape_of(next(iter(fields.values())), run.groups["volume"], strain, pose)
+        field = next(iter(fields.values()))
+        data = shape_of(field, run.groups["volume"], strain, _pose_of(run), taken)
         note = "The layer next to the given surface is drawn."
-        if data and data["colourings"]:
-            note += " Colours of strains are those of the drawn surface, as if it were displaced."
     elif "surface" in drawable(run):
-        data = shape_of_points(run.groups["point"], run.groups["line_of_sight"], pose)
+        data = shape_of_points(run.groups["point"], run.groups["line_of_sight"], _pose_of(run))
         ends = run.groups["line_of_sight"]
         joined = any(name in ends and ends[name].size for name in ("triangle", "line"))
         note = "Points are joined as their file says."
@@ -251,10 +292,22 @@ def shape_blocks(run: RunData, name: str = "shape") -> list[Any]:
     if data is None:
         told = "The surface has too many nodes for a page; other programs can turn it."
         return [Text(told, "small")]
+    return [Shape(data, name), Text(note + _notes_of(data), "small")]
+
+
+def _pose_of(run: RunData) -> xr.Dataset | None:
+    return run.groups["pose"] if run.has("pose", "origin", "rotation") else None
+
+
+def _notes_of(data: dict[str, Any]) -> str:
+    """Say what is to be minded of a shape that is drawn."""
+    note = ""
+    if data["colourings"]:
+        note += " Colours of strains are those of the drawn surface, as if it were displaced."
     note += " Black crosses: not determined."
     if data["rounded"]:
         note += f" Velocities here are rounded to {packing.SHARE / 2:.0%} of their bounds."
     if data["left_out"]:
         shown = len(data["frequencies"])
         note += f" Of {shown + data['left_out']} frequencies the {shown} strongest are here."
-    return having(Shape(data, name), Text(note, "small"), figures(run, "shape"))
+    return note

@@ -345,7 +345,7 @@ const showShape = async (root) => {
     const where = [0, 1, 2].map((k) => three(position[3 * near.n + k])).join(", ");
     const known = shown().every((c) => !Number.isNaN(amplitude(c, near.n)));
     const value = known ? three(near.at[3]) + " " + coloured.unit : "not determined by these views";
-    tip.textContent = (data.names ? "point " : "node ") + called(near.n) + "\n" + where + " " + data.length_unit + "\n" + value;
+    tip.textContent = (data.names ? (data.dots === false ? "pixel " : "point ") : "node ") + called(near.n) + "\n" + where + " " + data.length_unit + "\n" + value;
     tip.style.left = Math.min(near.px + 12, camera.width - 150) + "px";
     tip.style.top = Math.max(4, near.py - 64) + "px";
   };
@@ -418,7 +418,8 @@ const showShape = async (root) => {
   const many = components > 1 ? [[-1, "all, as it moves"]] : [];
   options(control("component"), [...many, ...data.components.map((c, k) => [k, "V_" + c])]);
   if (!many.length) state.component = 0;
-  options(control("frequency"), hertz.map((f, k) => [k, f === null ? "" : of_hertz(f)]));
+  options(control("frequency"), hertz.map((f, k) =>
+    [k, f === null ? "" : (data.numbers ? "mode " + data.numbers[k] + ": " : "") + of_hertz(f)]));
   control("frequency").value = state.frequency;
   const depths = (data.layers || []).map(({ text }, k) => [k + 1, text]);
   options(control("layer"), [[0, "given surface"], ...depths]);
@@ -507,8 +508,8 @@ const showShape = async (root) => {
   viewer.join("triangles", triangles);
   viewer.join("rest", Uint32Array.from([...rim, ...joined]));
   viewer.join("lines", Uint32Array.from([...rim, ...(rim.length + inner.length <= 2 * MOST_LINES ? inner : []), ...joined]));
-  // Points are seen, whatever joins them.
-  viewer.join("dots", Uint32Array.from(data.names ? [...Array(nodes).keys()] : []));
+  // Points are seen, whatever joins them; pixels are too many.
+  viewer.join("dots", Uint32Array.from(data.names && data.dots !== false ? [...Array(nodes).keys()] : []));
   viewer.set("beams", [Float32Array.from(beams)]);
   const seen = (n) => camera.projector()(...viewer.drawn(look).slice(4 * n, 4 * n + 3));
   Object.assign(own, { partners: data.partners, root, camera, look, control, hertz, tune, play, draw, seen, state, profile, joined: viewer.joined,

@@ -44,6 +44,7 @@ def shape_of(
     volume: xr.Dataset,
     strain: xr.Dataset | None = None,
     pose: xr.Dataset | None = None,
+    taken: int = 0,
 ) -> dict[str, Any] | None:
     """Prepare the layers of a field for the page's script, the given surface first.
 
@@ -55,6 +56,8 @@ def shape_of(
         That of the surface, for colours.
     pose : xarray.Dataset, optional
         From where it was seen.
+    taken : int
+        Bytes that another shape of the page takes of the room for both.
 
     Returns
     -------
@@ -79,6 +82,7 @@ def shape_of(
         strain=strain if strain is not None and strain.sizes["place"] == count else None,
         pose=pose,
         layers=_other_layers(field, volume, nodes),
+        most=MOST_BYTES - taken,
     )
 
 
@@ -181,13 +185,16 @@ def _drawn(
     strain: xr.Dataset | None = None,
     pose: xr.Dataset | None = None,
     layers: Sequence[tuple[float, xr.Dataset]] = (),
+    most: int | None = None,
 ) -> dict[str, Any]:
     """Pack velocities of points with their bounds, and how they are drawn."""
     velocity, bound = _values(group)
     length, length_unit = _scale(np.ptp(position, axis=0).max(), FIELD["position"].units)
     speed, speed_unit = _scale(np.nanmax(np.abs(velocity), initial=0.0), FIELD["velocity"].units)
-    chosen, numbers = _numbers(speed * velocity, speed * bound, strain)
-    numbers["layers"] = list(_packed(layers, chosen, length, length_unit, speed, numbers))
+    most = MOST_BYTES if most is None else most
+    chosen, numbers = _numbers(speed * velocity, speed * bound, strain, most)
+    room = most - size_of(numbers)
+    numbers["layers"] = list(_packed(layers, chosen, length, length_unit, speed, room))
     dims = "frequency" in group.dims
     return {
         "components": [str(c) for c in group["component"].values],
@@ -241,16 +248,15 @@ def _packed(
     length: float,
     length_unit: str,
     speed: float,
-    numbers: dict[str, Any],
+    room: int,
 ) -> Iterator[dict[str, Any]]:
     """Round the other layers, if there is room for all of them."""
-    room = MOST_BYTES - sum(map(len, _texts(numbers)))
     packed = []
     for depth, group in layers:
         velocity, bound = (speed * part[frequencies] for part in _values(group))
         text = f"{abs(length * depth):.3g} {length_unit} {'above' if depth > 0 else 'below'}"
         own = {"text": text, "depth": length * depth, **_written(velocity, bound, rounded=True)}
-        room -= sum(map(len, _texts(own)))
+        room -= size_of(own)
         if room < 0:
             return
         packed.append(own)
@@ -258,19 +264,19 @@ def _packed(
 
 
 def _numbers(
-    velocity: NDArray, bound: NDArray, strain: xr.Dataset | None
+    velocity: NDArray, bound: NDArray, strain: xr.Dataset | None, most: int
 ) -> tuple[NDArray, dict[str, Any]]:
     """Write all numbers exactly if there is room, else rounded ones of the frequencies that fit."""
     more = 0 if strain is None else COLOURINGS * velocity.shape[-1]
     each = BYTES_A_NUMBER * (PARTS * velocity[0].size + more)
-    rounded = each * len(velocity) > MOST_BYTES
+    rounded = each * len(velocity) > most
     strongest = np.argsort(-_sizes(velocity), kind="stable")
     count = len(strongest)
     while True:
         chosen = np.sort(strongest[:count])
         own = _written(velocity[chosen], bound[chosen], rounded)
         own["colourings"] = [] if strain is None else list(_colourings(strain, chosen, rounded))
-        room = MOST_BYTES / sum(map(len, _texts(own)))
+        room = most / size_of(own)
         if room >= 1 or count == 1:
             return chosen, own
         count = max(1, min(count - 1, int(room * count)))
@@ -281,6 +287,11 @@ def _written(velocity: NDArray, bound: NDArray, rounded: bool) -> dict[str, Any]
         return {"rounded": True, **packing.velocities(velocity, bound)}
     parts = {"real": velocity.real, "imaginary": velocity.imag, "bound": bound}
     return {"rounded": False} | {name: packing.floats(part) for name, part in parts.items()}
+
+
+def size_of(data: dict[str, Any]) -> int:
+    """Count the bytes of the numbers that are written."""
+    return sum(map(len, _texts(data)))
 
 
 def _texts(own: dict[str, Any]) -> Iterator[str]:
