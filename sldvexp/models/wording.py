@@ -13,6 +13,7 @@ import numpy as np
 
 from sldvexp.dataset import Finding, Severity
 from sldvexp.models.estimate import ExaminedModel
+from sldvexp.models.placing import moving
 from sldvexp.models.shape_agreement import ShapeTest
 
 #: Share of another mode, in standard errors, from which it is named, and how many are.
@@ -39,7 +40,7 @@ def _note(
 
 
 def _about_pairs(found: ExaminedModel) -> Iterator[Finding]:
-    """Name measured modes that the model lacks, and poses that count as exact."""
+    """Name measured modes that it lacks, pixels beside it, and poses that count as exact."""
     frequency = found.modes["natural_frequency"].values
     for mode in np.flatnonzero(found.pair < 0):
         best = float(found.mac.value[mode].max())
@@ -48,6 +49,18 @@ def _about_pairs(found: ExaminedModel) -> Iterator[Finding]:
             f"measured mode {mode + 1} ({frequency[mode]:.5g} Hz) is none of its modes: "
             f"the best MAC is {best:.3g}",
             size=best,
+        )
+    for view in found.views:
+        seen, past = moving(view)
+        if not len(past):
+            continue
+        whole, move = len(seen) + len(past), int(past.sum())
+        moves = f"; {move} of them move{'s' * (move == 1)}" if move else ", at rest"
+        yield _note(
+            "model_pixels_beside",
+            f"{len(past)} of {whole} pixels of view {view.pixels.name} look past it and are left "
+            f"out{moves}",
+            size=len(past) / whole,
         )
     exact = [v.pixels.name for v in found.views if v.pixels.covariance is None]
     if exact:
