@@ -26,6 +26,7 @@ def findings_about(found: ExaminedModel) -> list[Finding]:
     """Say what was found about a model, its shapes first."""
     return [
         *_about_pairs(found),
+        *_about_pixels(found),
         *_about_shapes(found),
         *_about_frequencies(found),
         *_about_parameters(found),
@@ -40,7 +41,7 @@ def _note(
 
 
 def _about_pairs(found: ExaminedModel) -> Iterator[Finding]:
-    """Name measured modes that it lacks, pixels beside it, and poses that count as exact."""
+    """Name measured modes that the model lacks, and poses that count as exact."""
     frequency = found.modes["natural_frequency"].values
     for mode in np.flatnonzero(found.pair < 0):
         best = float(found.mac.value[mode].max())
@@ -50,18 +51,6 @@ def _about_pairs(found: ExaminedModel) -> Iterator[Finding]:
             f"the best MAC is {best:.3g}",
             size=best,
         )
-    for view in found.views:
-        seen, past = moving(view)
-        if not len(past):
-            continue
-        whole, move = len(seen) + len(past), int(past.sum())
-        moves = f"; {move} of them move{'s' * (move == 1)}" if move else ", at rest"
-        yield _note(
-            "model_pixels_beside",
-            f"{len(past)} of {whole} pixels of view {view.pixels.name} look past it and are left "
-            f"out{moves}",
-            size=len(past) / whole,
-        )
     exact = [v.pixels.name for v in found.views if v.pixels.covariance is None]
     if exact:
         yield _note(
@@ -69,6 +58,24 @@ def _about_pairs(found: ExaminedModel) -> Iterator[Finding]:
             f"the poses of {', '.join(exact)} have no uncertainty and count as exact: shapes are "
             "rejected too often if they are not",
         )
+
+
+def _about_pixels(found: ExaminedModel) -> Iterator[Finding]:
+    """Count pixels that look past the model, and those of them that move."""
+    told = {view.pixels.name: moving(view) for view in found.views}
+    count = {name: len(past) for name, (_, past) in told.items()}
+    whole = {name: count[name] + len(seen) for name, (seen, _) in told.items()}
+    beside, move = sum(count.values()), int(sum(past.sum() for _, past in told.values()))
+    if not beside:
+        return
+    most = max(count, key=lambda name: count[name] / max(whole[name], 1))
+    yield _note(
+        "model_pixels_beside",
+        f"{beside} of {sum(whole.values())} pixels look past it and are left out, "
+        f"{f'{move} of them moving' if move else 'all at rest'}; most in view {most}, "
+        f"{count[most]} of {whole[most]}",
+        size=beside / sum(whole.values()),
+    )
 
 
 def _about_shapes(found: ExaminedModel) -> Iterator[Finding]:
