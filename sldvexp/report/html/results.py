@@ -13,6 +13,7 @@ import numpy as np
 
 from sldvexp.dataset import FREQUENCY, VARIABLES, RunData
 from sldvexp.lazy import xarray as xr
+from sldvexp.plot import strains_of
 from sldvexp.report.html import packing
 from sldvexp.report.html.blocks import (
     Alternatives,
@@ -35,6 +36,7 @@ from sldvexp.report.tables import (
     field_tables,
     pose_methods,
     strain_tables,
+    thickness_taken,
 )
 from sldvexp.report.terminal import estimates, shown_intrinsic
 
@@ -231,6 +233,8 @@ def strain_section(run: RunData) -> Section | None:
         "along t1, t2 and the tensor's shear. The largest extension is that of a cycle in any "
         "direction. Hot spots are maxima that stand out by more than their bounds."
     )
+    if any(thickness_taken(strain) for strain in strains_of(run).values()):
+        note += " How well the thickness is known is said with material.tolerance.thickness."
     return Section("Strain", having(tables, Text(note, "small"), figures(run, "strain")))
 
 
