@@ -30,6 +30,7 @@ from sldvexp.report.html.figures import drawable, figures
 from sldvexp.report.html.setup import views_table
 from sldvexp.report.html.shape import shape_of, shape_of_points, size_of
 from sldvexp.report.key_numbers import key_numbers
+from sldvexp.report.modal_tables import model_told
 from sldvexp.report.numbers import number, with_bound
 from sldvexp.report.tables import (
     MOST_FREQUENCIES,
@@ -49,13 +50,15 @@ CHOSEN = ("shapes of the modes", "velocity at the lines")
 
 
 def result_section(run: RunData) -> Section:
-    """Show the first screen: verdict, key numbers, and the shape that moves or what else there is.
+    """Show the first screen: verdicts, key numbers, and the shape that moves or what else there is.
 
     A run without anything to look at has the picture of where the instrument stood there.
     """
     told: list[Any] = list(verdict_blocks(run))
     if (numbers := key_numbers(run)) is not None:
         told.append(HtmlTable(numbers.columns, numbers.rows, numbers.title))
+    if model := model_told(run):
+        told.append(Text(f"{model[:1].upper()}{model[1:]}, see Model below."))
     shown = shape_blocks(run) or having(figures(run, "first"))[:1]
     if not shown and not run.below("image"):
         shown = having(figures(run, "stand"))[:1]
