@@ -109,8 +109,8 @@ class PredictedPixels:
         Derivatives of P by the DAC steps.
     side : int
         1 if the view sees the side that the elements' normals point to, else -1.
-    missed : int
-        How many usable pixels do not see the model.
+    beside : ModalPixels
+        Those that look past the model.
     """
 
     pixels: ModalPixels
@@ -119,7 +119,7 @@ class PredictedPixels:
     by_pose: Array
     by_dac: Array
     side: int
-    missed: int
+    beside: ModalPixels
 
 
 def modal_pixels(tree: Mapping[str, xr.Dataset], laser: TwoMirror) -> list[ModalPixels]:
@@ -201,7 +201,7 @@ def map_shapes(model: FiniteElementModel, pixels: ModalPixels) -> PredictedPixel
         by[..., :6] / (2 * STEP),
         by[..., 6:] / (2 * DAC_STEP),
         side,
-        len(way) - len(kept),
+        pixels.some(np.setdiff1d(np.arange(len(way)), kept)),
     )
 
 

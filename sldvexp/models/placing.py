@@ -1,7 +1,8 @@
 """Is the model where the structure is: its units and axes, before anything is compared.
 
 Shapes of a model in other units or axes would be compared with pixels beside them. The model's
-nodes must lie at the surface of the volume, if there is one, and most pixels must see the model.
+nodes must lie at the surface of the volume, if there is one, and most of the pixels that move must
+see the model. Pixels at rest may look past it: a scanned box may reach beyond the structure.
 """
 
 from __future__ import annotations
@@ -15,13 +16,16 @@ from sldvexp.lazy import scipy
 from sldvexp.lazy import xarray as xr
 from sldvexp.models.finite_elements import FiniteElementModel
 from sldvexp.models.mapping import PredictedPixels
-from sldvexp.typing import Array
+from sldvexp.typing import Array, BoolArray
 from sldvexp.units import LengthUnit
 
 #: Part of the surface's extent that its nodes may lie beside the model.
 BESIDE = 0.1
-#: Part of a view's usable pixels that must see the model.
+#: Part of a view's moving pixels that must see the model.
 SEEN = 0.5
+#: A pixel moves if some modal velocity is so many times its noise, a chance of 2e-8, above this
+#: part of what the fastest of the view have, of which pixels at rest may have a little.
+MOVES, AT_REST, FASTEST = 6.0, 0.05, 0.95
 #: How near the ratio of extents must be to that of two units to name them.
 ALIKE = 0.3
 
@@ -52,21 +56,46 @@ def check_place(model: FiniteElementModel, tree: Mapping[str, xr.Dataset]) -> No
 
 
 def check_seen(views: Sequence[PredictedPixels], source: str) -> None:
-    """Complain if most pixels of a view look past the model.
+    """Complain if most moving pixels of a view look past the model, or all pixels do.
 
     Raises
     ------
     UserError
     """
     for view in views:
-        seen = len(view.pixels.pixel)
-        whole = seen + view.missed
-        if seen < SEEN * whole:
-            raise UserError(
-                f"{source}: only {seen} of {whole} pixels of view {view.pixels.name} look at the "
-                "model; are its unit and axes right (model.unit, model.frame), and is it the part "
-                "that was scanned?"
+        seen, past = moving(view)
+        whole = len(seen) + len(past)
+        move = int(seen.sum() + past.sum())
+        if whole and not len(seen):
+            few = f"none of {whole} pixels of view {view.pixels.name} looks at the model"
+        elif seen.sum() < SEEN * move:
+            few = (
+                f"only {seen.sum()} of {move} pixels of view {view.pixels.name} that move look at "
+                "the model"
             )
+        else:
+            continue
+        raise UserError(
+            f"{source}: {few}; are its unit and axes right (model.unit, model.frame), and is it "
+            "the part that was scanned?"
+        )
+
+
+def moving(view: PredictedPixels) -> tuple[BoolArray, BoolArray]:
+    """Tell which pixels move, of those that see the model and of those that look past it.
+
+    Returns
+    -------
+    seen, past : ndarray of bool
+    """
+    both = (view.pixels, view.beside)
+    size = np.abs(np.concatenate([part.velocity for part in both]))
+    noise = np.concatenate([part.std for part in both])
+    if not len(size):
+        return np.zeros(0, bool), np.zeros(0, bool)
+    least = MOVES * noise + AT_REST * np.quantile(size, FASTEST, axis=0)
+    moves = (size > least).any(axis=1)
+    return moves[: len(view.pixels.pixel)], moves[len(view.pixels.pixel) :]
 
 
 def _filled(model: FiniteElementModel) -> Array:

@@ -13,6 +13,7 @@ import numpy as np
 
 from sldvexp.dataset import Finding, Severity
 from sldvexp.models.estimate import ExaminedModel
+from sldvexp.models.placing import moving
 from sldvexp.models.shape_agreement import ShapeTest
 
 #: Share of another mode, in standard errors, from which it is named, and how many are.
@@ -25,6 +26,7 @@ def findings_about(found: ExaminedModel) -> list[Finding]:
     """Say what was found about a model, its shapes first."""
     return [
         *_about_pairs(found),
+        *_about_pixels(found),
         *_about_shapes(found),
         *_about_frequencies(found),
         *_about_parameters(found),
@@ -56,6 +58,24 @@ def _about_pairs(found: ExaminedModel) -> Iterator[Finding]:
             f"the poses of {', '.join(exact)} have no uncertainty and count as exact: shapes are "
             "rejected too often if they are not",
         )
+
+
+def _about_pixels(found: ExaminedModel) -> Iterator[Finding]:
+    """Count pixels that look past the model, and those of them that move."""
+    told = {view.pixels.name: moving(view) for view in found.views}
+    count = {name: len(past) for name, (_, past) in told.items()}
+    whole = {name: count[name] + len(seen) for name, (seen, _) in told.items()}
+    beside, move = sum(count.values()), int(sum(past.sum() for _, past in told.values()))
+    if not beside:
+        return
+    most = max(count, key=lambda name: count[name] / max(whole[name], 1))
+    yield _note(
+        "model_pixels_beside",
+        f"{beside} of {sum(whole.values())} pixels look past it and are left out, "
+        f"{f'{move} of them moving' if move else 'all at rest'}; most in view {most}, "
+        f"{count[most]} of {whole[most]}",
+        size=beside / sum(whole.values()),
+    )
 
 
 def _about_shapes(found: ExaminedModel) -> Iterator[Finding]:

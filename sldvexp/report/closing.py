@@ -14,13 +14,14 @@ import numpy as np
 from rich.console import Console
 from rich.text import Text
 
-from sldvexp.dataset import VARIABLES, Finding, RunData, Severity, Source
+from sldvexp.dataset import FREQUENCY, VARIABLES, Finding, RunData, Severity, Source
 from sldvexp.lazy import xarray as xr
 from sldvexp.limits import shown
 from sldvexp.report.base import REPORT_FILE, verdict_text
 from sldvexp.report.key_numbers import key_numbers
 from sldvexp.report.modal_tables import level_of, model_told, modes_told
 from sldvexp.report.numbers import number, with_bound
+from sldvexp.report.tables import thickness_taken
 from sldvexp.report.terminal import COLOURS
 
 #: Finding of a run that ended before all of its steps were done.
@@ -109,16 +110,25 @@ def _poses(run: RunData) -> str:
 
 
 def _strain(run: RunData) -> str:
-    """Say the largest strain with its bound."""
-    if not run.has("strain", "strain"):
+    """Say the largest strain with its bound, at which frequency and of which thickness."""
+    name = next((n for n in ("strain", "modes/strain") if run.has(n, "strain")), "")
+    if not name:
         return ""
-    strain = run.groups["strain"]
+    strain = run.groups[name]
     size = np.abs(strain["strain"].values)
     if not np.isfinite(size).any():
         return "no strain is determined"
     at = np.unravel_index(int(np.nanargmax(size)), size.shape)
+    place = dict(zip(strain["strain"].dims, at, strict=True))
+    where = ""
+    if "frequency" in place:
+        hertz = float(strain["frequency"].values[place["frequency"]])
+        mode = f"in mode {place['frequency'] + 1}, " if name != "strain" else ""
+        where = f" {mode}at {hertz:.5g} {FREQUENCY.units}"
+    taken = thickness_taken(strain)
     bound = float(strain["confidence"].values[at]) if "confidence" in strain else np.nan
-    return f"strain of the face up to {with_bound(MICRO * size[at], MICRO * bound)} microstrain"
+    told = f"strain of the face up to {with_bound(MICRO * size[at], MICRO * bound)} microstrain"
+    return f"{told}{where}" + (f", which rests on {taken}" if taken else "")
 
 
 def _bounds(run: RunData) -> str:

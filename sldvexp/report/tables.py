@@ -257,6 +257,8 @@ def strain_table(strain: xr.Dataset, frequencies: Sequence[float], of: str = "")
     parts = {n: f"r.m.s. of {of}" for n, of in PARTS.items() if n in strain}
     names = ("strain", FREQUENCY.units, "largest", "r.m.s.", "bound", *parts.values())
     title = f"Strain of the face{of}, microstrain{_some([strain])}"
+    if taken := thickness_taken(strain):
+        title += f"; strain of bending is proportional to {taken}"
     table = Table(*names, title=title, title_justify="left")
     for component in strain["strain_component"].values:
         for hertz in frequencies:
@@ -268,6 +270,20 @@ def strain_table(strain: xr.Dataset, frequencies: Sequence[float], of: str = "")
             cells += [number(1e6 * _rms(np.abs(one[name].values)), 3) for name in parts]
             table.add_row(*map(escape, cells))
     return table
+
+
+def thickness_taken(strain: xr.Dataset) -> str:
+    """Say which thickness strains rest on if no bound knows how well it is known; else nothing.
+
+    Examples
+    --------
+    >>> import xarray as xr
+    >>> thickness_taken(xr.Dataset(attrs={"thickness": 0.003, "thickness_std": 0.0}))
+    'the thickness, taken as 3 mm'
+    """
+    if strain.attrs.get("thickness_std", 1.0) or "thickness" not in strain.attrs:
+        return ""
+    return f"the thickness, taken as {1e3 * strain.attrs['thickness']:.4g} mm"
 
 
 def hot_spot_table(strain: xr.Dataset, frequencies: Sequence[float], of: str = "") -> Table:

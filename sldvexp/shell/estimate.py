@@ -147,6 +147,7 @@ class SurfaceField:
                 "samples_seen": samples,
             },
         )
+        untold = [text for text in not_included(variance) if text not in NEVER]
         group.attrs |= {
             "dof": self.fit.shell.coefficients,
             "samples": count,
@@ -155,7 +156,7 @@ class SurfaceField:
             "cond": self.fit.posterior.condition,
             "coordinate_system": "local" if local else "world",
             "confidence_level": self.method.confidence,
-            "not_included": "; ".join(t for t in not_included(variance) if t not in NEVER),
+            "not_included": "; ".join([*untold, *self._thickness_taken]),
             "notes": "\n".join(self.notes),
         }
         return with_findings(with_undetermined(group, determined), self.findings)
@@ -186,6 +187,9 @@ class SurfaceField:
         group = self._group("strain", coords, always=always, **found)
         notes = _vague(found["strain"], found["confidence"])
         group.attrs |= {"confidence_level": self.method.confidence, "notes": "\n".join(notes)}
+        if self.method.of_middle and self.material is not None:
+            group.attrs["thickness"] = self.material.thickness
+            group.attrs["thickness_std"] = self.material.tolerance.thickness
         return group
 
     def strain_of(
@@ -211,6 +215,14 @@ class SurfaceField:
         values, own, others = self.fit.evaluate(rows, (higher - rows) / STEP / 2)
         # (a + ib) / (i omega) = b / omega - i a / omega: the parts change places.
         return values / (1j * omega), (own + others)[::-1] / omega**2
+
+    @property
+    def _thickness_taken(self) -> list[str]:
+        """Name the thickness if results rest on it and nothing is said of how well it is known."""
+        sheet = self.material
+        if sheet is None or not self.method.of_middle or sheet.tolerance.thickness:
+            return []
+        return [f"thickness of the sheet, taken as {1e3 * sheet.thickness:.4g} mm"]
 
     @property
     def _hangs_from_face(self) -> bool:

@@ -46,12 +46,14 @@ def true_plate(mass: float = 0.0, E: float = 70e9, thickness: float = THICKNESS)
     )
 
 
-def aimed(pose: tuple[np.ndarray, np.ndarray], shape: Sequence[int] = (17, 19)) -> np.ndarray:
-    """DAC steps of a grid of pixels on the plate, shape (pixel, 2)."""
+def aimed(
+    pose: tuple[np.ndarray, np.ndarray], shape: Sequence[int] = (17, 19), beside: float = 0.0
+) -> np.ndarray:
+    """DAC steps of a grid of pixels on the plate, or so far beside it, m, shape (pixel, 2)."""
     rotation, origin = pose
     x, y = (np.linspace(-0.46, 0.46, n) * side for n, side in zip(shape, (A, B), strict=True))
     grid = np.stack([*(g.ravel() for g in np.meshgrid(x, y)), np.zeros(x.size * y.size)], axis=1)
-    seen = (grid + CENTER - origin) @ rotation.T
+    seen = (grid + CENTER + [beside, 0.0, 0.0] - origin) @ rotation.T
     return np.round(LASER.dac_from_angle(project(seen, LASER.mirror_offset)))
 
 

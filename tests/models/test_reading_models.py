@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,13 +10,25 @@ import meshio
 import numpy as np
 import pytest
 
+from sldvexp.dataset import Severity, group
 from sldvexp.errors import ConfigError, UserError
 from sldvexp.io.uff import writer
 from sldvexp.models import MatchedPoint, ModelFile, ModelFrame, universal_text
 from sldvexp.models.estimate import examine_model
+from sldvexp.models.wording import findings_about
 from sldvexp.units import LengthUnit
 from sldvexp.volume import Grid
-from tests.models.made_models import CENTER, LASER, THICKNESS, Measured, closed_form, true_plate
+from tests.models.made_models import (
+    CENTER,
+    LASER,
+    THICKNESS,
+    A,
+    Measured,
+    aimed,
+    closed_form,
+    true_plate,
+    true_poses,
+)
 
 
 @pytest.fixture(scope="module")
@@ -169,8 +182,89 @@ def test_model_in_other_units_or_axes_is_refused(tmp_path, tree, wrong, said):
     assert examine_model(with_volume(tree), LASER, source(path)).shapes.dof > 0
     with pytest.raises(UserError, match=said):
         examine_model(with_volume(tree), LASER, source(path, **wrong))
-    with pytest.raises(UserError, match=r"pixels of view 1 look at the model|none of its"):
+    past = r"pixels of view 1 (that move )?looks? at the model|none of its"
+    with pytest.raises(UserError, match=past):
         examine_model(tree, LASER, source(path, **wrong))
+
+
+def aside(x):
+    return [float(CENTER[0]) + x, *CENTER[1:].tolist()]
+
+
+def with_rest_beside(tree, speed=0.0):
+    """Let each view have as many pixels again beyond the plate's side, 0.05 m away and at rest.
+
+    They may still have this part of the largest speed, as cross-talk gives.
+    """
+    rng, made = np.random.default_rng(7), dict(tree)
+    for name, pose in zip("12", true_poses(), strict=False):
+        image = tree[f"modes/image/{name}"]
+        dac = np.concatenate([image["dac"].values, aimed(pose, beside=A + 0.05)])
+        own, std = image["velocity"].values, image["velocity_std"].values
+        rest = std * (rng.normal(size=own.shape) + 1j * rng.normal(size=own.shape))
+        made[f"modes/image/{name}"] = group(
+            "image",
+            {"pixel": np.arange(len(dac)), "frequency": image["frequency"].values},
+            velocity=np.concatenate([own, rest + speed * np.abs(own).max(axis=0)]),
+            velocity_std=np.concatenate([std, std]),
+            dac=dac,
+            angle=LASER.angle_from_dac(dac),
+            flags=np.zeros(len(dac), int),
+        )
+    return made
+
+
+@pytest.mark.parametrize("speed", [0.0, 0.03])
+def test_half_of_the_pixels_at_rest_beside_the_model_are_left_out_and_counted(
+    tmp_path, tree, speed
+):
+    path = written(tmp_path, universal_text(closed_form()))
+    found = examine_model(
+        with_rest_beside(tree, speed), LASER, ModelFile(path=path, thickness=THICKNESS)
+    )
+    assert not found.shapes_rejected
+    assert [len(v.pixels.pixel) for v in found.views] == [17 * 19] * 2
+    told = [f for f in findings_about(found) if f.kind == "model_pixels_beside"]
+    assert [f.text for f in told] == [
+        "model: 646 of 1292 pixels look past it and are left out, all at rest; most in view 1, "
+        "323 of 646"
+    ]
+    assert {f.severity for f in told} == {Severity.note}
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        (
+            {"unit": LengthUnit.inch},
+            r"model.uff: only \d+ of 3\d\d pixels of view 1 that move look",
+        ),
+        ({"frame": ModelFrame()}, r"model.uff: none of 646 pixels of view 1 looks at the model"),
+        (
+            {"frame": ModelFrame(origin=aside(0.2))},
+            r"model.uff: only \d+ of 3\d\d pixels of view 1 that move look at the model; are",
+        ),
+    ],
+)
+def test_model_past_which_moving_pixels_look_is_refused_though_half_are_at_rest(
+    tmp_path, tree, wrong, said
+):
+    text = universal_text(own_axes()).split("    -1\n   164")[-1].split("    -1\n", 1)[1]
+    path = written(tmp_path, text)
+    assert examine_model(with_rest_beside(tree), LASER, source(path)).shapes.dof > 0
+    with pytest.raises(UserError, match=said) as refused:
+        examine_model(with_rest_beside(tree), LASER, source(path, **wrong))
+    assert str(refused.value).count("\n") == 0
+
+
+def test_pixels_that_move_beside_the_model_are_told_as_moving(tmp_path, tree):
+    path = written(tmp_path, universal_text(own_axes()))
+    found = examine_model(tree, LASER, source(path, frame=ModelFrame(origin=aside(0.05))))
+    told = [f.text for f in findings_about(found) if f.kind == "model_pixels_beside"]
+    assert len(told) == 1
+    assert re.search(
+        r"1\d\d of 646 pixels .* left out, 1\d\d of them moving; most in view", told[0]
+    )
 
 
 def test_model_in_mm_that_is_read_as_m_is_named(tmp_path, tree):

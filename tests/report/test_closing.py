@@ -9,6 +9,7 @@ import pytest
 
 from sldvexp.dataset import Finding, RunData, Severity, findings_to_dataset, group
 from sldvexp.report import closing_lines, print_closing
+from sldvexp.report.tables import strain_table
 
 FILES = [Path("there/run.nc"), Path("there/pose.txt"), Path("there/report.html")]
 LABELS = ["found", "bounds", "verdict", "files", "next"]
@@ -53,6 +54,39 @@ def test_the_worst_finding_stands_beside_the_verdict_and_its_remedy_comes_next()
         "void: the bounds cannot be believed: view a has the wrong sign (and 1 more)"
     )
     assert told["next"].startswith("x=[a]; sldvexp show there tells")
+
+
+def strain_of(hertz, **attrs):
+    known = {} if hertz is None else {"frequency": hertz}
+    values = np.array([[1e-6, 2e-6], [0.5e-6, 4.276e-6]])[:, None] * np.ones((1, 3, 1))
+    values = values if known else values[..., 1]
+    made = group(
+        "strain",
+        {"strain_component": ["ss", "tt", "st"], **known},
+        strain=values,
+        confidence=np.full(values.shape, 9e-8),
+    )
+    return made.assign_attrs(attrs)
+
+
+def test_the_largest_strain_is_told_with_its_frequency():
+    told = lines({"strain": strain_of([197.0, 438.5])})["found"]
+    assert told == "strain of the face up to 4.276 ± 0.090 microstrain at 438.5 Hz"
+    told = lines({"modes/strain": strain_of([197.0, 438.5])})["found"]
+    assert told == "strain of the face up to 4.276 ± 0.090 microstrain in mode 2, at 438.5 Hz"
+    told = lines({"strain": strain_of(None)})["found"]
+    assert told == "strain of the face up to 4.276 ± 0.090 microstrain"
+
+
+@pytest.mark.parametrize(("std", "taken"), [(0.0, True), (1e-5, False)])
+def test_a_thickness_that_is_taken_as_given_is_told_beside_the_strain(std, taken):
+    strain = strain_of([197.0, 438.5], thickness=0.003, thickness_std=std)
+    told = lines({"strain": strain})["found"]
+    said = ", which rests on the thickness, taken as 3 mm"
+    assert told == f"strain of the face up to 4.276 ± 0.090 microstrain at 438.5 Hz{said * taken}"
+    title = str(strain_table(strain, [438.5]).title)
+    end = "; strain of bending is proportional to the thickness, taken as 3 mm"
+    assert title.endswith(end) is taken
 
 
 def test_a_run_that_was_stopped_says_so_first():

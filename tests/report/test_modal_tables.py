@@ -59,6 +59,18 @@ def test_the_line_tells_the_verdict_on_the_model(tmp_path):
         assert f"; finite element model {verdict} (shapes {shapes}, frequencies " in told
 
 
+def test_the_first_screen_tells_the_verdict_on_the_model_beside_the_modes():
+    rejected = model("accepted", "rejected")
+    for groups, said in (
+        ({"model": rejected}, ["(shapes accepted, frequencies rejected)"]),
+        ({}, []),
+    ):
+        (lead,) = results.result_section(RunData({"modes": modes(), **groups})).blocks
+        at = next(i for i, block in enumerate(lead.told) if isinstance(block, HtmlTable))
+        told = [block.text for block in lead.told[at + 1 :]]
+        assert told == [f"Finite element model rejected {text}, see Model below." for text in said]
+
+
 def test_a_run_without_modes_tells_what_it_told_before(tmp_path):
     place = {"origin": [[0, 0, 1]], "origin_confidence": [[2e-4, 1e-4, 2e-4]]}
     run = RunData({"pose": group("pose", {"view": ["front"]}, **place)})

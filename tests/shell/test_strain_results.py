@@ -212,11 +212,29 @@ def test_a_thickness_known_to_two_percent_leaves_moments_unknown_to_six():
     """M grows with h^3 if the motion is given; strains of bending grow with h."""
     loose = replace(SHEET, tolerance=Tolerance(thickness=0.02 * SHEET.thickness))
     method = lab.method(poses=PoseTreatment.propagate)
-    group = estimated(1, loose, method, noise=1e-8).strain()
+    known = estimated(1, loose, method, noise=1e-8)
+    group = known.strain()
+    assert group.attrs["thickness_std"] == 0.02 * SHEET.thickness
+    assert "thickness" not in known.field().attrs["not_included"]
     largest = np.abs(group["bending_strain"].values[:, 0, 0]).argmax()
     for name, share in ("bending_strain", 0.02), ("bending_moment", 0.06):
         value, std = (group[n].values[largest, 0, 0] for n in (name, f"{name}_std"))
         assert std / abs(value) == pytest.approx(share, rel=0.05)
+
+
+def test_a_wrong_thickness_makes_strains_of_bending_wrong_by_its_ratio_and_is_told_as_taken():
+    """The relation that the handbook states, and the name of what is in no bound."""
+    method = lab.method(poses=PoseTreatment.propagate)
+    right, wrong = (
+        estimated(1, replace(SHEET, thickness=h), method, noise=1e-8) for h in (0.003, 0.0045)
+    )
+    one, other = (found.strain()["bending_strain"].values[:, 0, 0] for found in (right, wrong))
+    largest = np.abs(one).argmax()
+    assert abs(other[largest] / one[largest]) == pytest.approx(1.5, rel=0.01)
+    told = wrong.field().attrs["not_included"].split("; ")
+    assert told[-1] == "thickness of the sheet, taken as 4.5 mm"
+    strain = wrong.strain()
+    assert (strain.attrs["thickness"], strain.attrs["thickness_std"]) == (0.0045, 0.0)
 
 
 def test_principal_strains_and_stresses_of_a_plate_are_those_of_its_truth(found, group):
@@ -237,7 +255,10 @@ def test_principal_strains_and_stresses_of_a_plate_are_those_of_its_truth(found,
 
 @pytest.mark.whole
 def test_free_splines_have_strains_of_the_face_alone():
-    group = estimated(2, None, Spline()).strain()
+    free = estimated(2, None, Spline())
+    group = free.strain()
+    assert "thickness" not in group.attrs
+    assert "thickness" not in free.field().attrs["not_included"]
     assert "principal_strain" in group
     assert not {"middle_strain", "bending_moment", "von_mises"} & set(group)
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from sldvexp.dataset import FREQUENCY, VARIABLES, RunData
 from sldvexp.lazy import xarray as xr
+from sldvexp.plot import strains_of
 from sldvexp.report.html import packing
 from sldvexp.report.html.blocks import (
     Alternatives,
@@ -29,12 +30,14 @@ from sldvexp.report.html.figures import drawable, figures
 from sldvexp.report.html.setup import views_table
 from sldvexp.report.html.shape import shape_of, shape_of_points, size_of
 from sldvexp.report.key_numbers import key_numbers
+from sldvexp.report.modal_tables import model_told
 from sldvexp.report.numbers import number, with_bound
 from sldvexp.report.tables import (
     MOST_FREQUENCIES,
     field_tables,
     pose_methods,
     strain_tables,
+    thickness_taken,
 )
 from sldvexp.report.terminal import estimates, shown_intrinsic
 
@@ -47,13 +50,15 @@ CHOSEN = ("shapes of the modes", "velocity at the lines")
 
 
 def result_section(run: RunData) -> Section:
-    """Show the first screen: verdict, key numbers, and the shape that moves or what else there is.
+    """Show the first screen: verdicts, key numbers, and the shape that moves or what else there is.
 
     A run without anything to look at has the picture of where the instrument stood there.
     """
     told: list[Any] = list(verdict_blocks(run))
     if (numbers := key_numbers(run)) is not None:
         told.append(HtmlTable(numbers.columns, numbers.rows, numbers.title))
+    if model := model_told(run):
+        told.append(Text(f"{model[:1].upper()}{model[1:]}, see Model below."))
     shown = shape_blocks(run) or having(figures(run, "first"))[:1]
     if not shown and not run.below("image"):
         shown = having(figures(run, "stand"))[:1]
@@ -231,6 +236,8 @@ def strain_section(run: RunData) -> Section | None:
         "along t1, t2 and the tensor's shear. The largest extension is that of a cycle in any "
         "direction. Hot spots are maxima that stand out by more than their bounds."
     )
+    if any(thickness_taken(strain) for strain in strains_of(run).values()):
+        note += " How well the thickness is known is said with material.tolerance.thickness."
     return Section("Strain", having(tables, Text(note, "small"), figures(run, "strain")))
 
 
