@@ -175,7 +175,7 @@ class CommandedInstrument:
         self._rate = 0.0
         self._scale: list[float] = []
         self._read_rightly = False
-        self._several = False  # whether the device was told how many records a pixel has
+        self._told: Acquisition | None = None  # what the device took last
 
     def __enter__(self) -> CommandedInstrument:
         self._persistently("connecting", lambda dialogue: None)
@@ -204,10 +204,11 @@ class CommandedInstrument:
             raise InstrumentError(
                 f"configuring: rate and samples must be positive numbers, not {acquisition}"
             )
-        before, self._acquisition = self._acquisition, acquisition
+        before, self._told, self._acquisition = self._told, None, acquisition
         alike = before is not None and replace(before, records=acquisition.records) == acquisition
         if alike and acquisition.drive is not None:  # what is played goes on
             self._persistently("configuring", self._count_records)
+            self._told = acquisition
             return
         if acquisition.plays and not self.profile.commands.generator_on:
             played = in_words(acquisition)
@@ -215,6 +216,7 @@ class CommandedInstrument:
         elif acquisition.drive is not None:
             require_playable(self.profile, acquisition.drive.excitation.kind)
         self._persistently("configuring", self._configure)
+        self._told = acquisition
 
     def move(self, dac: Sequence[int]) -> None:
         """Point the beam at (up_down, left_right) in DAC steps."""
@@ -310,8 +312,7 @@ class CommandedInstrument:
 
     def _configure(self, dialogue: Dialogue) -> None:
         """Send the acquisition, and keep the rate (Hz) and scales that the device answers."""
-        a, data, commands = self._acquisition, self.profile.data, self.profile.commands
-        assert a is not None
+        a, data, commands = self._configured(), self.profile.data, self.profile.commands
         values = {
             "rate": a.rate,
             "interval": 1.0 / a.rate,
@@ -321,8 +322,7 @@ class CommandedInstrument:
             "amplitude": a.amplitude,
         }
         dialogue.run(commands.configure, values)
-        if a.records > 1 or self._several:
-            self._count_records(dialogue)
+        self._count_records(dialogue)  # also one: the device may have those of a run before
         if a.drive is not None:
             dialogue.run(commands.play, played_by(self.profile, a.drive))
         else:
@@ -339,7 +339,6 @@ class CommandedInstrument:
 
     def _count_records(self, dialogue: Dialogue) -> None:
         """Say how many records a pixel takes, if the device can be told."""
-        self._several = True
         dialogue.run(self.profile.commands.records, records_of(self._configured()))
 
     def _microseconds(self, rate: float) -> int:
