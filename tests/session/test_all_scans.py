@@ -128,6 +128,26 @@ def assert_described(scan, found):
 
 
 @pytest.mark.whole
+def test_a_session_with_a_broadband_structure_is_the_same_over_a_socket(composed, tmp_path):
+    """The circles of the second view follow the averaged records of the first."""
+    experiment = composed(
+        "scan=session",
+        *circles("scan.calibration"),
+        f"scan.structure.views={CORNERS}",
+        "scan.structure.pixels=[3,4]",
+        "scan.structure.sampling={excitation: multisine, band: [50, 1325], rate: 5120.0, "
+        "samples: 512, records: 4}",
+        "scene.digitizer.reference_range=10",
+        "signal=response",
+    )
+    found = scan_views(experiment, tmp_path / "here")
+    given = (experiment.scene, experiment.laser, experiment.target, experiment.seed)
+    with LabServer(VirtualLab(*given)) as server:
+        sent = replace(experiment, instrument=Visa(server.resource))
+        require_same(scan_views(sent, tmp_path / "sent"), found)
+
+
+@pytest.mark.whole
 def test_both_parts_of_a_view_are_what_they_are_alone(composed, tmp_path):
     """But for the noise, which another scan line has."""
     session = composed(*SCANS["session"])
