@@ -11,6 +11,7 @@ from sldvexp import dataset
 from sldvexp.instrument import Replay
 from sldvexp.instrument.recording import JOURNAL, read_line
 from sldvexp.instrument.visa import Visa
+from sldvexp.progress import span
 from sldvexp.scan.pixel_list import LINE
 from sldvexp.session.session import KINDS, estimate, scan_views
 from sldvexp.virtual_lab import LabServer, VirtualLab
@@ -107,7 +108,7 @@ def assert_announced(scan, folder, told):
         seconds += samples.counts.shape[0] * samples.counts.shape[2] / samples.rate
     parts = [(part, view) for view in scan.view_names() for part in scan.parts(view)]
     assert pixels == sum(part.pixel_count(view) for part, view in parts)
-    assert f"{pixels} pixels in 2 views, {seconds:.0f} s of samples" in told
+    assert f"{pixels} pixels in 2 views, {span(seconds)} of samples" in told
 
 
 def assert_described(scan, found):
