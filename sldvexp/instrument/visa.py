@@ -22,7 +22,7 @@ from sldvexp.config.registry import register
 from sldvexp.errors import Checks, UserError, nearest
 from sldvexp.instrument.blocks import better_reading, block_size, decoded
 from sldvexp.instrument.connection import DisturbanceError, Line, VisaLine, canonical_resource
-from sldvexp.instrument.dialogue import Dialogue, Persistence
+from sldvexp.instrument.dialogue import Counted, Dialogue, Persistence
 from sldvexp.instrument.playing import in_words, played_by, records_of, require_playable
 from sldvexp.instrument.profile import Profile
 from sldvexp.instrument.profile_file import load_profile, profile_path
@@ -87,6 +87,7 @@ class Visa(ScanningPlugin):
             except ValueError as error:
                 checks.require(False, "resource", f"{name} {error}")
         checks.done()
+        self._warn = Counted()  # over all connections
         self._spoken: Profile = load_profile(self.profile)
         devices = list(self._spoken.devices)
         named = list(self.resource) if isinstance(self.resource, dict) else devices[:1]
@@ -124,7 +125,8 @@ class Visa(ScanningPlugin):
             logging.getLogger(__name__).warning(
                 "nobody has tried the profile %s on hardware", self.profile
             )
-        return CommandedInstrument(self._spoken, self._line, self.timeout, self.retries, view)
+        how = (self.timeout, self.retries, view, self._warn)
+        return CommandedInstrument(self._spoken, self._line, *how)
 
     def _line(self, device: str) -> Line:
         named = self.resource[device] if isinstance(self.resource, dict) else self.resource
@@ -155,6 +157,8 @@ class CommandedInstrument:
         How often a step is repeated.
     view : str
         Where to stand, if the profile can go there; empty stays.
+    warn : Counted, optional
+        Warns of disturbances; connections that follow one another share it.
     """
 
     def __init__(
@@ -164,11 +168,12 @@ class CommandedInstrument:
         timeout: float,
         retries: int,
         view: str = "",
+        warn: Counted | None = None,
     ) -> None:
         self.profile = profile
         self._view = view
         self._persistently = Persistence(
-            lambda: Dialogue(profile, connect, timeout), self._restore, retries
+            lambda: Dialogue(profile, connect, timeout), self._restore, retries, warn or Counted()
         )
         self._acquisition: Acquisition | None = None
         self._position: tuple[int, int] | None = None

@@ -136,6 +136,21 @@ def test_browsers_see_how_far_it_is_and_every_pixel(scan, board, plain):
     assert [h["name"] for h in images if h.get("begin") and "name" in h][-1] == "2 image"
 
 
+def test_page_says_why_nothing_is_scanned_to_whom_it_concerns(board, wishes):
+    seen, watcher = Seen(board), Scanning(None, board, wishes)
+    for wish, told in (
+        ("lost", "Nobody is steering: the scan waits"),
+        ("taken", "The scan waits"),
+        ("go_on", ""),
+        ("pause", "Paused."),
+    ):
+        watcher._heed({"do": wish}, "image", 1)
+        assert seen.look()["scan"]["told"].startswith(told)
+        assert ("Nobody" in seen.topics["scan"]["told"]) == (wish == "lost")
+    watcher.end("the instrument is lost")
+    assert seen.look()["scan"]["told"] == "Nothing is scanned now: the instrument is lost"
+
+
 def test_operator_is_asked_on_the_page(board, wishes):
     seen = Seen(board)
 
