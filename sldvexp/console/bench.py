@@ -292,7 +292,8 @@ class AimingBench:
         value, flags = self._amplitude(samples)
         reference = _peaks(samples)[:, REFERENCE].astype(np.float32)
         arrays = [dac.astype(np.int32).ravel(), value, flags, reference]
-        self.board.add("raster", arrays, cell=cell)
+        assert self._set is not None
+        self.board.add("raster", arrays, cell=cell, frequency=self._set.excitation[0])
 
     def _parts(self, low: Steps, high: Steps) -> Iterator[tuple[IntArray, int]]:
         """Yield the pixels of a quick look, coarse to fine, with the size of their cells."""

@@ -167,6 +167,7 @@ def test_quick_look_goes_from_coarse_to_fine_and_shows_what_moves(bench, do, see
     cells = [h["cell"] for h, _ in parts]
     assert cells == sorted(cells, reverse=True)
     assert (cells[0], cells[-1]) == (50, 4)
+    assert {h["frequency"] for h, _ in parts} == set(bench._sampling().excitation)
     header, rest = parts[-1]
     (_, pairs), (_, count), *_ = header["arrays"]
     dac = np.frombuffer(rest, "<i4", pairs).reshape(-1, 2)
