@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import shlex
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -19,6 +18,7 @@ from sldvexp.config.paths import JOURNAL, RUN_FILE
 from sldvexp.errors import UserError
 from sldvexp.lazy import xarray as xr
 from sldvexp.limits import shown
+from sldvexp.session.interruption import LINES_KEPT, SCAN_KEPT, how_to_go_on
 from sldvexp.session.journal import lines_kept
 from sldvexp.stopping import handlers_kept
 
@@ -103,11 +103,11 @@ def watched_run(
     with hydra_raises(), _as_a_command(call.arguments), handlers_kept():
         call.run()
     if call.told:
-        kept = ""
-        if call.folder is not None and any(lines_kept(call.folder / JOURNAL).values()):
-            folder = shlex.quote(str(call.folder))
-            kept = f". What is scanned is kept: sldvexp resume={folder} goes on."
-        raise UserError("\n".join(call.told) + kept)
+        told = "\n".join(call.told)
+        said = LINES_KEPT in told or SCAN_KEPT in told
+        if not said and call.folder is not None and any(lines_kept(call.folder / JOURNAL).values()):
+            told += f"; {how_to_go_on(call.folder)}"
+        raise UserError(told)
     assert call.folder is not None  # a call that is refused says so
     return call.folder
 

@@ -33,8 +33,8 @@ from sldvexp.typing import Array, IntArray
 
 Wish = dict[str, Any]
 
-#: How often the level is told, s.
-LEVEL = 0.25
+#: How often the level is told, s; and how often an instrument that has failed is tried again, s.
+LEVEL, RETRY = 0.25, 2.0
 #: How long the parts of a quick look take about, s, between which wishes are heard; and their most
 #: pixels.
 PART, MOST = 0.2, 256
@@ -94,17 +94,27 @@ class AimingBench:
         self._begin()
 
     def serve(self) -> None:
-        """Do what is wished, until Ctrl-C."""
+        """Do what is wished, until Ctrl-C.
+
+        Raises
+        ------
+        UserError
+            If the instrument cannot be left as it should be.
+        """
         try:
             while True:
                 self.turn()
         finally:
-            self.leave()
+            try:
+                self.leave()
+            except InstrumentError as error:
+                raise UserError(str(error)) from error
 
     def turn(self) -> None:
         """Hear the next wish, or go on with what there is to do without one."""
         busy = self._look is not None or self._held is not None
-        patience = 0.0 if self._look else STRIDE if busy else LEVEL
+        rest = RETRY if self._silent else LEVEL
+        patience = 0.0 if self._look else STRIDE if busy else rest
         try:
             wish = self.wishes.get(timeout=patience) if patience else self.wishes.get_nowait()
         except queue.Empty:
@@ -282,7 +292,8 @@ class AimingBench:
         value, flags = self._amplitude(samples)
         reference = _peaks(samples)[:, REFERENCE].astype(np.float32)
         arrays = [dac.astype(np.int32).ravel(), value, flags, reference]
-        self.board.add("raster", arrays, cell=cell)
+        assert self._set is not None
+        self.board.add("raster", arrays, cell=cell, frequency=self._set.excitation[0])
 
     def _parts(self, low: Steps, high: Steps) -> Iterator[tuple[IntArray, int]]:
         """Yield the pixels of a quick look, coarse to fine, with the size of their cells."""
@@ -351,7 +362,8 @@ class AimingBench:
             self._silent = True
             with suppress(InstrumentError):
                 self.leave()
-            self.say(f"The instrument: {error}. It is tried again and again.", problem=True)
+            told = f"The instrument: {error}. It is tried again every {RETRY:g} s."
+            self.say(told, problem=True)
         except UserError as error:
             self._look = None
             self.board.tell("looking", False)

@@ -133,15 +133,18 @@ class Console:
         self.board.tell(
             "result", {"told": "The report stands here when the scan is done.", "page": False}
         )
-        self.bench.say("The scan begins.")
+        self.bench.say("")
+        why = ""
         try:
             folder = self._run(settings, scanning, Asked(scanning, self.bench.marks))
         except UserError as error:
-            self._ended(str(error), problem=True)
+            why = str(error)
+            self._ended(why, problem=True)
         except KeyboardInterrupt as stop:
             if not scanning.stopped:
                 raise
-            self._ended(str(stop) or "stopped")
+            why = str(stop) or "stopped"
+            self._ended(why)
         else:
             self._page = folder / REPORT_FILE
             page = self._page.is_file()
@@ -153,7 +156,7 @@ class Console:
             self.board.tell("phase", "result")
             self.bench.say("The scan is done.")
         finally:
-            scanning.end()
+            scanning.end(why)
             if scanning.lost:
                 self.bench.steered = False
 

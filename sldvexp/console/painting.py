@@ -44,11 +44,15 @@ Square = tuple[list[int], list[int]]
 
 @dataclass(frozen=True, eq=False)
 class _PaintedLine:
-    """Pixels of a line: DAC steps, amplitudes and flags, and how high and wide each is drawn."""
+    """Pixels of a line: DAC steps, amplitudes and flags, and how high and wide each is drawn.
+
+    Of several frequencies, Hz, one is drawn.
+    """
 
     arrays: list[NDArray[Any]]
     tall: int
     wide: int
+    frequency: float
 
     @property
     def dac(self) -> NDArray[Any]:
@@ -126,13 +130,13 @@ class Painter:
         if first.view != self._view:
             self._view, self.flagged, self.bad = first.view, {}, {}
             self._squares, self._kept = {}, {}
-        value, flags = painted_values(*lines)
+        value, flags, frequency = painted_values(*lines)
         ends = np.cumsum([len(line.dac) for line in lines])[:-1]
         parts = []
         for line, v, f in zip(lines, np.split(value, ends), np.split(flags, ends), strict=True):
             self.bad.setdefault(line.lines, {})[line.number] = float(np.mean(f != 0))
             size = pitch(line.dac) if line.searches else self._size(line)
-            parts.append(_PaintedLine([line.dac.astype(np.int32).ravel(), v, f], *size))
+            parts.append(_PaintedLine([line.dac.astype(np.int32).ravel(), v, f], *size, frequency))
         self._show(first, parts)
         for flag in Flag:
             self.flagged[flag] = self.flagged.get(flag, 0) + int(np.sum(flags & flag != 0))
@@ -156,7 +160,8 @@ class Painter:
             self._shown, self._squares[shown] = shown, square
             added = [*before, *parts]
         for part in added:
-            self._board.add("image", part.arrays, tall=part.tall, wide=part.wide)
+            how = {"tall": part.tall, "wide": part.wide, "frequency": part.frequency}
+            self._board.add("image", part.arrays, **how)
         before += parts
 
     def _image_scan(self, line: LineDone) -> ImageScan | None:
@@ -189,14 +194,18 @@ class Painter:
         return square_around(dac, ROUGHLY if rough else AROUND)
 
 
-def painted_values(*lines: LineDone) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
-    """Compute amplitudes, mm/s, and flags of the pixels of lines that were scanned alike."""
+def painted_values(*lines: LineDone) -> tuple[NDArray[np.float32], NDArray[np.uint8], float]:
+    """Compute amplitudes, mm/s, and flags of the pixels of lines that were scanned alike.
+
+    Of several frequencies the first is taken; it comes last, Hz.
+    """
     first = lines[0]
     image = pixels_of(first.signal, first.acquisition, [line.samples for line in lines])
     value = MILLI * np.abs(image.velocity[:, 0])
     return (
         np.where(np.isfinite(value), value, 0.0).astype(np.float32),
         image.flags.astype(np.uint8),
+        float(image.frequencies[0]),
     )
 
 

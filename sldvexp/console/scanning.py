@@ -25,6 +25,9 @@ from sldvexp.progress import span
 from sldvexp.session import LineDone, Operator, ViewAhead, Watcher, Wish
 from sldvexp.session.watching import in_words
 
+#: What a scan says that has lost its controller, and what it says to the next.
+LEFT = "Nobody is steering: the scan waits, the mirrors home, the generator off."
+TAKEN = "The scan waits, the mirrors home, the generator off, until you say to go on."
 #: Part of a line's pixels that must not be trusted for it to be a bad one.
 BAD = 0.2
 
@@ -138,9 +141,9 @@ class Scanning(Watcher):
                 if self._progress is not None:
                     self._progress.waited += time.monotonic() - began
 
-    def end(self) -> None:
-        """Tell that nothing is scanned any more."""
-        self._running, self.paused = False, False
+    def end(self, why: str = "") -> None:
+        """Tell that nothing is scanned any more, and why, if the scan is not done."""
+        self._running, self.paused, self._why = False, False, why
         self._painter.end()
         self._afterwards.end()
         self.board.tell("ask", None)
@@ -153,9 +156,12 @@ class Scanning(Watcher):
         name = wish["do"]
         if name == "lost":
             self.lost = True
-            self._pause("Nobody is steering: the scan waits, the mirrors home, the generator off.")
+            self._pause(LEFT)
         elif name == "taken":
             self.lost = False
+            if self.paused:
+                self._why = TAKEN
+                self._tell()
         elif name == "pause":
             self._pause("Paused.")
         elif name == "go_on" and self.paused:
@@ -217,7 +223,9 @@ class Scanning(Watcher):
 
     def _sentence(self, part: float, left: float | None) -> str:
         if not self._running:
-            return "Nothing is scanned now."
+            return (
+                f"Nothing is scanned now: {self._why}" if self._why else "Nothing is scanned now."
+            )
         if self.paused:
             return self._why
         if not self._between:

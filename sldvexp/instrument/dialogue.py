@@ -9,6 +9,7 @@ import logging
 import math
 import re
 import time
+from collections import Counter
 from collections.abc import Callable, Mapping
 from typing import Any, TypeVar
 
@@ -284,6 +285,20 @@ PAUSE = 0.1
 T = TypeVar("T")
 
 
+class Counted:
+    """Warnings of which a repeated one is told the first, the tenth, the hundredth time."""
+
+    def __init__(self) -> None:
+        self._times: Counter[str] = Counter()
+
+    def __call__(self, text: str) -> None:
+        """Warn of something that may have been told before."""
+        self._times[text] += 1
+        times = self._times[text]
+        if times == 10 ** (len(str(times)) - 1):
+            log.warning("%s%s", text, f" (for the {times}th time)" if times > 1 else "")
+
+
 class Persistence:
     """Does steps of a dialogue; one that was disturbed is repeated as a whole.
 
@@ -295,14 +310,20 @@ class Persistence:
         Brings an instrument that was just connected to where the program believes it is.
     retries : int
         How often a step is repeated.
+    warn : Counted
+        Told of every disturbance after which a step is repeated.
     """
 
     def __init__(
-        self, connect: Callable[[], Dialogue], restore: Callable[[Dialogue], None], retries: int
+        self,
+        connect: Callable[[], Dialogue],
+        restore: Callable[[Dialogue], None],
+        retries: int,
+        warn: Counted,
     ) -> None:
         self._connect = connect
         self._restore = restore
-        self._retries = retries
+        self._retries, self._warn = retries, warn
         self._dialogue: Dialogue | None = None
 
     def __call__(self, what: str, step: Callable[[Dialogue], T]) -> T:
@@ -325,7 +346,7 @@ class Persistence:
                 if attempt == self._retries:
                     tried = f"{attempt + 1} times" if attempt else "once"
                     raise InstrumentError(f"{what}: {error} (tried {tried})") from error
-                log.warning("%s: %s; trying again", what, error)
+                self._warn(f"{what}: {error}; trying again")
                 time.sleep(PAUSE * 2**attempt)
             except InstrumentError as error:
                 raise InstrumentError(f"{what}: {error}") from error

@@ -22,7 +22,7 @@ from sldvexp.config.registry import register
 from sldvexp.errors import Checks, UserError, nearest
 from sldvexp.instrument.blocks import better_reading, block_size, decoded
 from sldvexp.instrument.connection import DisturbanceError, Line, VisaLine, canonical_resource
-from sldvexp.instrument.dialogue import Dialogue, Persistence
+from sldvexp.instrument.dialogue import Counted, Dialogue, Persistence
 from sldvexp.instrument.playing import in_words, played_by, records_of, require_playable
 from sldvexp.instrument.profile import Profile
 from sldvexp.instrument.profile_file import load_profile, profile_path
@@ -87,6 +87,7 @@ class Visa(ScanningPlugin):
             except ValueError as error:
                 checks.require(False, "resource", f"{name} {error}")
         checks.done()
+        self._warn = Counted()  # over all connections
         self._spoken: Profile = load_profile(self.profile)
         devices = list(self._spoken.devices)
         named = list(self.resource) if isinstance(self.resource, dict) else devices[:1]
@@ -124,7 +125,8 @@ class Visa(ScanningPlugin):
             logging.getLogger(__name__).warning(
                 "nobody has tried the profile %s on hardware", self.profile
             )
-        return CommandedInstrument(self._spoken, self._line, self.timeout, self.retries, view)
+        how = (self.timeout, self.retries, view, self._warn)
+        return CommandedInstrument(self._spoken, self._line, *how)
 
     def _line(self, device: str) -> Line:
         named = self.resource[device] if isinstance(self.resource, dict) else self.resource
@@ -155,6 +157,8 @@ class CommandedInstrument:
         How often a step is repeated.
     view : str
         Where to stand, if the profile can go there; empty stays.
+    warn : Counted, optional
+        Warns of disturbances; connections that follow one another share it.
     """
 
     def __init__(
@@ -164,18 +168,19 @@ class CommandedInstrument:
         timeout: float,
         retries: int,
         view: str = "",
+        warn: Counted | None = None,
     ) -> None:
         self.profile = profile
         self._view = view
         self._persistently = Persistence(
-            lambda: Dialogue(profile, connect, timeout), self._restore, retries
+            lambda: Dialogue(profile, connect, timeout), self._restore, retries, warn or Counted()
         )
         self._acquisition: Acquisition | None = None
         self._position: tuple[int, int] | None = None
         self._rate = 0.0
         self._scale: list[float] = []
         self._read_rightly = False
-        self._several = False  # whether the device was told how many records a pixel has
+        self._told: Acquisition | None = None  # what the device took last
 
     def __enter__(self) -> CommandedInstrument:
         self._persistently("connecting", lambda dialogue: None)
@@ -204,10 +209,11 @@ class CommandedInstrument:
             raise InstrumentError(
                 f"configuring: rate and samples must be positive numbers, not {acquisition}"
             )
-        before, self._acquisition = self._acquisition, acquisition
+        before, self._told, self._acquisition = self._told, None, acquisition
         alike = before is not None and replace(before, records=acquisition.records) == acquisition
         if alike and acquisition.drive is not None:  # what is played goes on
             self._persistently("configuring", self._count_records)
+            self._told = acquisition
             return
         if acquisition.plays and not self.profile.commands.generator_on:
             played = in_words(acquisition)
@@ -215,6 +221,7 @@ class CommandedInstrument:
         elif acquisition.drive is not None:
             require_playable(self.profile, acquisition.drive.excitation.kind)
         self._persistently("configuring", self._configure)
+        self._told = acquisition
 
     def move(self, dac: Sequence[int]) -> None:
         """Point the beam at (up_down, left_right) in DAC steps."""
@@ -310,8 +317,7 @@ class CommandedInstrument:
 
     def _configure(self, dialogue: Dialogue) -> None:
         """Send the acquisition, and keep the rate (Hz) and scales that the device answers."""
-        a, data, commands = self._acquisition, self.profile.data, self.profile.commands
-        assert a is not None
+        a, data, commands = self._configured(), self.profile.data, self.profile.commands
         values = {
             "rate": a.rate,
             "interval": 1.0 / a.rate,
@@ -321,8 +327,7 @@ class CommandedInstrument:
             "amplitude": a.amplitude,
         }
         dialogue.run(commands.configure, values)
-        if a.records > 1 or self._several:
-            self._count_records(dialogue)
+        self._count_records(dialogue)  # also one: the device may have those of a run before
         if a.drive is not None:
             dialogue.run(commands.play, played_by(self.profile, a.drive))
         else:
@@ -339,7 +344,6 @@ class CommandedInstrument:
 
     def _count_records(self, dialogue: Dialogue) -> None:
         """Say how many records a pixel takes, if the device can be told."""
-        self._several = True
         dialogue.run(self.profile.commands.records, records_of(self._configured()))
 
     def _microseconds(self, rate: float) -> int:

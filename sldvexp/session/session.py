@@ -15,6 +15,7 @@ from sldvexp.instrument import Instrument
 from sldvexp.instrument.person import GuideMaker
 from sldvexp.laser import TwoMirror
 from sldvexp.lazy import xarray as xr
+from sldvexp.progress import span
 from sldvexp.scan import Scan, ScanPart
 from sldvexp.scan.base import PersonPart
 from sldvexp.scan.calibration import CalibrationScan
@@ -165,10 +166,9 @@ def estimate(scan: Scan, searches: bool = False) -> str:
     if not pixels:
         how = "by digitizer" if any(part.kind == "spots" for part, _ in parts) else "by hand"
         return f"scan: {how}, views {', '.join(views)}"
-    told = f"scan: {pixels} pixels in {len(views)} views, {seconds:.0f} s of samples"
+    told = f"scan: {pixels} pixels in {len(views)} views, {span(seconds)} of samples"
     if seconds <= pixels / PIXELS_PER_SECOND:
-        minutes = pixels / PIXELS_PER_SECOND / 60
-        told += f" ({minutes:.0f} min on an instrument of 6 pixels a second)"
+        told += f" ({span(pixels / PIXELS_PER_SECOND)} on an instrument of 6 pixels a second)"
     return f"{told}{', besides those that search circles' if searches else ''}"
 
 

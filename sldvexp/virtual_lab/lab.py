@@ -160,11 +160,14 @@ class VirtualLab:
         records = self._acquisition.records
         counts = np.empty((len(steps) * records, 2, self._acquisition.samples), np.int16)
         status = np.empty(len(steps) * records, np.uint8)
-        block = self._block if self._acquisition.drive is None else self._moving_block
-        for begin in range(0, len(steps), BLOCK):
-            end = min(begin + BLOCK, len(steps))
-            rows = slice(begin * records, end * records)
-            counts[rows], status[rows] = block(steps[begin:end])
+        moving = self._acquisition.drive is not None
+        visits = steps if moving else np.repeat(steps, records, axis=0)
+        block, each = (self._moving_block, records) if moving else (self._block, 1)
+        for begin in range(0, len(visits), BLOCK):
+            end = min(begin + BLOCK, len(visits))
+            counts[begin * each : end * each], status[begin * each : end * each] = block(
+                visits[begin:end]
+            )
         if len(steps):
             self.position = (int(steps[-1, 0]), int(steps[-1, 1]))
         scales = self._electronics.volts_per_count

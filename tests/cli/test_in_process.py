@@ -12,6 +12,7 @@ import pytest
 import sldvexp as package
 from sldvexp.cli.in_process import watched_run
 from sldvexp.errors import UserError
+from sldvexp.instrument import InstrumentError
 from sldvexp.session import Operator, Watcher, Wish
 
 
@@ -129,5 +130,20 @@ def test_a_scan_that_ends_early_says_how_it_goes_on_if_anything_is_kept(here):
     for lines, kept in ((0, False), (2, True)):
         with pytest.raises(UserError, match="enough") as error:
             watched_run(["experiment=plate"], "none", Fed(lines), Operator())
-        told = f". What is scanned is kept: sldvexp resume={here}/outputs/"
+        told = f"; what was scanned is kept, go on with: sldvexp resume={here}/outputs/"
         assert (told in str(error.value)) == kept
+
+
+class Broken(Fed):
+    """Whose instrument fails after so many lines."""
+
+    def between_lines(self, view, lines, done, count):
+        if not self.left:
+            raise InstrumentError("it is lost")
+        return super().between_lines(view, lines, done, count)
+
+
+def test_an_instrument_that_fails_says_once_how_the_scan_goes_on(here):
+    with pytest.raises(UserError, match="it is lost") as error:
+        watched_run(["experiment=plate"], "none", Broken(2), Operator())
+    assert str(error.value).count("resume=") == 1

@@ -11,6 +11,7 @@ import pytest
 
 from sldvexp.console import bench as bench_module
 from sldvexp.console.bench import AimingBench
+from sldvexp.errors import UserError
 from sldvexp.instrument.visa import Visa
 from sldvexp.virtual_lab.lab import VirtualLab
 from sldvexp.virtual_lab.server import Fault, LabServer
@@ -166,6 +167,7 @@ def test_quick_look_goes_from_coarse_to_fine_and_shows_what_moves(bench, do, see
     cells = [h["cell"] for h, _ in parts]
     assert cells == sorted(cells, reverse=True)
     assert (cells[0], cells[-1]) == (50, 4)
+    assert {h["frequency"] for h, _ in parts} == set(bench._sampling().excitation)
     header, rest = parts[-1]
     (_, pairs), (_, count), *_ = header["arrays"]
     dac = np.frombuffer(rest, "<i4", pairs).reshape(-1, 2)
@@ -300,8 +302,9 @@ def test_fault_of_the_instrument_is_told_and_the_bench_goes_on(far, wishes, seen
 
 
 def test_lost_instrument_leaves_no_picture_behind_and_is_told_when_it_is_back(
-    far, wishes, seen, lab
+    far, wishes, seen, lab, monkeypatch
 ):
+    monkeypatch.setattr(bench_module, "RETRY", bench_module.LEVEL)
     bench, server = far
     wishes.put({"do": "move", "to": [-371, 1322]})
     bench.turn()
@@ -323,6 +326,35 @@ def test_lost_instrument_leaves_no_picture_behind_and_is_told_when_it_is_back(
         }
         assert seen.topics["level"] is not None
         bench.leave()
+
+
+def test_instrument_that_fails_again_and_again_is_not_told_of_as_often(
+    lab_experiment, board, wishes, lab, monkeypatch, caplog
+):
+    monkeypatch.setattr(bench_module, "RETRY", 0.01)
+    monkeypatch.setattr("sldvexp.instrument.dialogue.PAUSE", 0.0)
+    with LabServer(lab) as server:
+        instrument = Visa(resource=server.resource, retries=1)
+        bench = AimingBench(replace(lab_experiment, instrument=instrument), board, wishes)
+        wishes.put({"do": "taken"})
+        bench.turn()
+        monkeypatch.setitem(server.dialect._questions, "DATA?", lambda: b"#13abc")
+        for _ in range(12):
+            bench.turn()
+        told = [r.getMessage() for r in caplog.records]
+        assert len(told) == 2, told
+        assert told[0].endswith("; trying again")
+        assert told[1] == f"{told[0]} (for the 10th time)"
+        bench.leave()
+
+
+def test_console_that_ends_with_a_lost_instrument_says_so_in_a_sentence(far):
+    bench, server = far
+    bench._ready()
+    server.__exit__()
+    bench.turn = lambda: (_ for _ in ()).throw(KeyboardInterrupt)
+    with pytest.raises(UserError, match="the mirrors may not be home"):
+        bench.serve()
 
 
 def seen_pictures(seen):

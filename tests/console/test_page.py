@@ -42,6 +42,7 @@ def test_circle_is_found_on_a_quick_look_and_marked_by_a_click_and_a_key(page, s
     page.click("nearer")
     page.key("l")
     page.until(lambda: page.js("return document.getElementById('map').cells.count") > 5000)
+    assert page.text("range").endswith(" mm/s at 450 Hz")
     page.key("l")
     page.come_to(place)
     page.until(lambda: page.text("velocity-told") > "5")

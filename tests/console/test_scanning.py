@@ -10,7 +10,9 @@ import pytest
 from sldvexp.console.painting import Painter, pitch, spacing
 from sldvexp.console.scanning import Asked, Scanning
 from sldvexp.instrument.visa import Visa
+from sldvexp.scan import Sampling
 from sldvexp.session.session import scan_views
+from sldvexp.signal import ExcitationKind, Response
 from sldvexp.stopping import Stopped
 from sldvexp.virtual_lab.lab import VirtualLab
 from sldvexp.virtual_lab.server import LabServer
@@ -133,7 +135,36 @@ def test_browsers_see_how_far_it_is_and_every_pixel(scan, board, plain):
     assert word["facts"]["view"] == "2, 2 of 2"
     assert "reference 1" in word["facts"]["level"]
     images = [h for h, _ in seen.parts if h["picture"] == "image"]
+    assert {h["frequency"] for h in images if "tall" in h} == {197.0}
     assert [h["name"] for h in images if h.get("begin") and "name" in h][-1] == "2 image"
+
+
+def test_image_of_a_broadband_scan_names_the_line_that_it_shows(two_images, scan, board):
+    how = {"excitation": ExcitationKind.multisine, "band": [50.0, 1325.0], "records": 2}
+    sampling = Sampling(rate=5120.0, samples=512, **how)
+    experiment = replace(
+        two_images, scan=replace(two_images.scan, sampling=sampling), signal=Response()
+    )
+    seen = Seen(board)
+    scan({}, experiment)
+    seen.look()
+    shown = {h["frequency"] for h, _ in seen.parts if h["picture"] == "image" and "tall" in h}
+    assert shown == {50.0}
+
+
+def test_page_says_why_nothing_is_scanned_to_whom_it_concerns(board, wishes):
+    seen, watcher = Seen(board), Scanning(None, board, wishes)
+    for wish, told in (
+        ("lost", "Nobody is steering: the scan waits"),
+        ("taken", "The scan waits"),
+        ("go_on", ""),
+        ("pause", "Paused."),
+    ):
+        watcher._heed({"do": wish}, "image", 1)
+        assert seen.look()["scan"]["told"].startswith(told)
+        assert ("Nobody" in seen.topics["scan"]["told"]) == (wish == "lost")
+    watcher.end("the instrument is lost")
+    assert seen.look()["scan"]["told"] == "Nothing is scanned now: the instrument is lost"
 
 
 def test_operator_is_asked_on_the_page(board, wishes):

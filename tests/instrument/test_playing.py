@@ -56,6 +56,45 @@ def test_the_labs_server_measures_what_the_lab_does(lab, same, line, kind, playe
         assert len(ours.acquire().counts) == 3
 
 
+def test_views_of_circles_by_a_sine_and_a_structure_by_records(lab, same, line):
+    """Each view over a connection of its own, to a lab that stays as the last one left it."""
+    chosen = ("scene=plate",)
+    first = next(iter(lab(*chosen).scene.views))
+    parts = (Acquisition(10000.0, 64, (450.0,)), acquisition("multisine", records=4))
+    with LabServer(lab(*chosen)) as server:
+        for stream in (3, 5):
+            reference = lab(*chosen)
+            with Visa(server.resource).open(view=first) as ours:
+                for one in parts:
+                    for instrument in (reference, ours):
+                        instrument.configure(one)
+                    assert same(ours.scan(line, stream=stream), reference.scan(line, stream=stream))
+
+
+def test_all_is_sent_anew_after_a_setting_was_refused(lab, monkeypatch):
+    """Although what was wished last is wished again."""
+    how = acquisition("chirp")
+    with LabServer(lab()) as server, Visa(server.resource).open() as ours:
+        with monkeypatch.context() as patch:
+            patch.delitem(server.dialect._commands, "GEN:BAND")
+            with pytest.raises(InstrumentError, match="GEN:BAND"):
+                ours.configure(how)
+        ours.configure(how)
+        assert server.dialect.playing
+        assert server.dialect._wanted.drive.excitation == how.drive.excitation
+
+
+def test_the_lab_takes_records_of_sines_too(lab, line):
+    """Each at a phase of its own, all of a pixel before those of the next."""
+    ours = lab()
+    ours.configure(Acquisition(10000.0, 64, (450.0,), records=4))
+    found = ours.scan(line)
+    assert (len(found.counts), found.records) == (4 * len(line), 4)
+    ours.configure(Acquisition(10000.0, 64, (450.0,)))
+    again = ours.scan(np.repeat(line, 4, axis=0), stream=0)
+    assert np.array_equal(again.counts, found.counts)
+
+
 def changed(tmp_path, **texts):
     """The lab's profile with other commands."""
     source, begin = SOURCE, SOURCE.index("  play:")

@@ -236,6 +236,8 @@ def received(tmp_path):
             ("lab", b"SAMP:RATE 1000.0\n", b""),
             ("lab", b"SAMP:COUN %d\n" % samples, b""),
             quiet,
+            ("lab", b"SAMP:REC 1,0,generator\n", b""),
+            quiet,
             home[0],
             quiet,
             ("lab", b"SAMP:RATE?\n", b"999.5\n"),

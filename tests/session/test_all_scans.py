@@ -11,6 +11,7 @@ from sldvexp import dataset
 from sldvexp.instrument import Replay
 from sldvexp.instrument.recording import JOURNAL, read_line
 from sldvexp.instrument.visa import Visa
+from sldvexp.progress import span
 from sldvexp.scan.pixel_list import LINE
 from sldvexp.session.session import KINDS, estimate, scan_views
 from sldvexp.virtual_lab import LabServer, VirtualLab
@@ -107,7 +108,7 @@ def assert_announced(scan, folder, told):
         seconds += samples.counts.shape[0] * samples.counts.shape[2] / samples.rate
     parts = [(part, view) for view in scan.view_names() for part in scan.parts(view)]
     assert pixels == sum(part.pixel_count(view) for part, view in parts)
-    assert f"{pixels} pixels in 2 views, {seconds:.0f} s of samples" in told
+    assert f"{pixels} pixels in 2 views, {span(seconds)} of samples" in told
 
 
 def assert_described(scan, found):
@@ -125,6 +126,26 @@ def assert_described(scan, found):
             assert values.dims == tuple(d.strip("[]") for d in known.dims.split())
             assert values.attrs["units"] == known.units
             assert np.isfinite(values.values).all()
+
+
+@pytest.mark.whole
+def test_a_session_with_a_broadband_structure_is_the_same_over_a_socket(composed, tmp_path):
+    """The circles of the second view follow the averaged records of the first."""
+    experiment = composed(
+        "scan=session",
+        *circles("scan.calibration"),
+        f"scan.structure.views={CORNERS}",
+        "scan.structure.pixels=[3,4]",
+        "scan.structure.sampling={excitation: multisine, band: [50, 1325], rate: 5120.0, "
+        "samples: 512, records: 4}",
+        "scene.digitizer.reference_range=10",
+        "signal=response",
+    )
+    found = scan_views(experiment, tmp_path / "here")
+    given = (experiment.scene, experiment.laser, experiment.target, experiment.seed)
+    with LabServer(VirtualLab(*given)) as server:
+        sent = replace(experiment, instrument=Visa(server.resource))
+        require_same(scan_views(sent, tmp_path / "sent"), found)
 
 
 @pytest.mark.whole

@@ -132,6 +132,11 @@ export class Cells {
   }
 }
 
+/** Write a frequency, Hz, with as many digits as tell two lines apart. */
+export function hertz(frequency) {
+  return `${Number(frequency.toPrecision(6))} Hz`;
+}
+
 /** Paint a ramp into a small canvas. */
 export function paintRamp(canvas) {
   const context = canvas.getContext("2d"), image = context.createImageData(canvas.width, canvas.height);
