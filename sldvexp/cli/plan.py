@@ -64,12 +64,15 @@ def run(
         )
     if name is not None and to is None:
         raise UserError("command line: --name is of the files that --to=folder writes")
+    name = name or USUAL_NAME
     if folders:
         composed, plugins, choices, done = _of_run(Path(folders[0]), settings)
     else:
         composed, plugins, choices = _composed(settings, config_dir)
         done = None
     experiment = schema.build(composed)
+    if to is not None:
+        planner.files.require_free(Path(to), name, replace=experiment.overwrite)
     found = _planned(action, experiment, done)
     _print(found, action, experiment)
     if to is None:
@@ -80,15 +83,15 @@ def run(
         plugins,
         choices,
         Path(to),
-        name or USUAL_NAME,
+        name,
         replace=experiment.overwrite,
         config_dir=config_dir,
     )
     drawn = planner.figure.draw(found)
-    written += save(drawn, Path(to) / FIGURES / (name or USUAL_NAME), formats=USUAL)
+    written += save(drawn, Path(to) / FIGURES / name, formats=USUAL)
     for path in written:
         print(path)
-    print(f"sldvexp --config-dir {to} experiment={name or USUAL_NAME} runs it")
+    print(f"sldvexp --config-dir {to} experiment={name} runs it")
     return 0
 
 

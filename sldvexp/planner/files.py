@@ -16,7 +16,13 @@ from typing import Any
 from omegaconf import DictConfig, OmegaConf
 
 from sldvexp.config.experiment import SINGLE_GROUPS
-from sldvexp.config.own_files import choice_text, own_path, write_own, wrong_name
+from sldvexp.config.own_files import (
+    choice_text,
+    own_path,
+    require_writable,
+    write_own,
+    wrong_name,
+)
 from sldvexp.config.sources import Origins
 from sldvexp.errors import UserError
 from sldvexp.planner.circle_lines import fit_stride
@@ -26,8 +32,27 @@ from sldvexp.units import LengthUnit
 
 #: Name of the key of a pose for the place that is looked at.
 LOOK_AT = "look_at"
+#: Groups that a plan is a choice of.
+GROUPS = ("experiment", "pose")
 #: Settings that a plan does not go on with: they are of other views.
 OF_OTHER_VIEWS = ("expect", "overwrite", "use_repair")
+
+
+#: Advice to who has such a file already.
+INSTEAD = "overwrite=true puts this plan in its place"
+
+
+def require_free(folder: Path, name: str, replace: bool) -> None:
+    """Refuse a name whose files cannot be written, before a plan is looked for.
+
+    Raises
+    ------
+    UserError
+        If it is no name, or a file exists and is not to be replaced.
+    """
+    if wrong := wrong_name(name):
+        raise UserError(f"command line: --name={name}: {wrong}")
+    require_writable([own_path(folder, group, name) for group in GROUPS], replace, INSTEAD)
 
 
 def write(
@@ -64,14 +89,11 @@ def write(
     UserError
         If a file exists and is not to be replaced, or cannot be written.
     """
-    if wrong := wrong_name(name):
-        raise UserError(f"command line: --name={name}: {wrong}")
+    require_free(folder, name, replace)
     whole = experiment_text(plan, config, plugins, choices, config_dir)
-    texts = {
-        own_path(folder, "experiment", name): whole,
-        own_path(folder, "pose", name): pose_text(plan),
-    }
-    write_own(texts, replace, "overwrite=true puts this plan in its place")
+    paths = [own_path(folder, group, name) for group in GROUPS]
+    texts = dict(zip(paths, (whole, pose_text(plan)), strict=True))
+    write_own(texts, replace, INSTEAD)
     return list(texts)
 
 

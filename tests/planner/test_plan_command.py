@@ -163,6 +163,7 @@ def test_a_plan_replaces_files_only_if_asked(planned, sldvexp):
     done = sldvexp(*again)
     assert done.status == 1
     assert done.err.endswith("exists; overwrite=true puts this plan in its place\n")
+    assert done.out == ""  # refused before anything is looked for
     assert Path("lab/experiment/monday.yaml").read_bytes() == before
     assert sldvexp(*again, "overwrite=true").status == 0
     assert Path("lab/experiment/monday.yaml").read_bytes() != before
