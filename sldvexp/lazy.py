@@ -67,9 +67,10 @@ def numpy_alone(to_the_end: bool = False) -> None:
     """
     if "dask" not in sys.modules:
         # Where xarray knows already that dask is installed, it is loaded after all.
+        new = "xarray.core" not in sys.modules
         with _hidden("dask", "pint"), suppress(ImportError):
             assert xarray.Variable("place", [0.0]).astype(float).to_numpy() is not None
-        if to_the_end:
+        if to_the_end and new:
             sys.modules["dask"] = None  # type: ignore[assignment]
 
 

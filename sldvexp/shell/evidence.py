@@ -44,6 +44,8 @@ NEGLIGIBLE = 1e-3
 NULL = 1e-9
 #: Functionals that are evaluated together.
 TOGETHER = 4096
+#: Standard errors of an energy beyond which data reject a signal, one-sided at 5 %.
+REJECTED = 1.645
 
 
 @dataclass(frozen=True, eq=False)
@@ -284,7 +286,7 @@ class WeightedFit:
 
         Coefficients of each block, whitened by ``T'T = H^-1`` of the last column, have the energy
         ``count tr K`` with ``K = T C T'`` if there is noise alone, with the standard error
-        ``sqrt(2 count) |K|``. Signal has what they have beyond it, and one standard error more.
+        ``sqrt(2 count) |K|``. Signal is the most that the energy does not reject.
 
         Parameters
         ----------
@@ -307,8 +309,8 @@ class WeightedFit:
             for k, block in enumerate((slice(first), slice(first, None))):
                 alone = count * np.trace(own[block, block])
                 error = np.sqrt(2 * count) * np.linalg.norm(own[block, block])
-                excess = np.trace(found[block, block]) - alone + error
-                over[k] += share * max(excess, 0.0) / alone
+                most = np.trace(found[block, block]) - alone + REJECTED * error
+                over[k] += share * max(most, 0.0) / alone
         return over
 
     def by_block(self, rows: Array) -> Array:

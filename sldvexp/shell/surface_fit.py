@@ -169,6 +169,8 @@ class SurfaceFit:
         At the poses as adjusted.
     measured : Measured
     columns : SignalColumns
+    normal : ndarray, shape (coefficient, coefficient)
+        ``A'A``.
     posterior : WeightedFit
     solved : list of ndarray, shape (coefficient, error)
         ``H^-1 A'J`` of every reduced column.
@@ -196,6 +198,7 @@ class SurfaceFit:
     pixels: list[ViewPixels]
     measured: Measured
     columns: SignalColumns
+    normal: Array
     posterior: WeightedFit
     solved: list[Array]
     nuisances: Nuisances
@@ -386,14 +389,15 @@ class _Equations:
         ]
         weight, data = 1 / self.measured.pixel_std, self.columns.data
         size = np.sqrt(np.mean((data[:, 0] * self.measured.pixel_std) ** 2))
-        normal = (self.shell.known_precision() + self.shell.squares() / LARGEST**2) / size**2
+        normal = np.zeros((self.shell.coefficients,) * 2)
         right = np.zeros((self.shell.coefficients, data.shape[1]))
         for _, some, block in blocks(moved):
             design = block.design(self.shell, face) * weight[some, None]
             normal += design.T @ design
             right += design.T @ data[some]
+        known = (self.shell.known_precision() + self.shell.squares() / LARGEST**2) / size**2
         posterior = WeightedFit.of(
-            normal,
+            normal + known,
             right,
             (data**2).sum(axis=0),
             self.shell.penalties(self.length),
@@ -410,6 +414,7 @@ class _Equations:
             moved,
             self.measured,
             self.columns,
+            normal,
             posterior,
             solved,
             nuisances,
@@ -436,16 +441,15 @@ class _Equations:
         count = 2 * len(self.columns.scale) - len(self.columns.size)
         if not count:
             return None
-        size = self.shell.coefficients
-        normal, crossed = np.zeros((size, size)), np.zeros((size, 2 * len(self.columns.scale)))
+        crossed = np.zeros((self.shell.coefficients, 2 * len(self.columns.scale)))
         for (_, some, block), white in zip(blocks(found.pixels), self._white(), strict=True):
             design = block.design(self.shell, found.face) / self.measured.pixel_std[some, None]
             left = white - self.columns.data[some] @ self.columns.combination
-            normal += design.T @ design
             crossed += design.T @ left
         # Columns took with them the noise of all lines that is alike to them over the pixels.
         alike = found.posterior.reduced / self.columns.size
-        return found.posterior.overlooked(normal - alike @ alike.T, crossed @ crossed.T, count)
+        noise = found.normal - alike @ alike.T
+        return found.posterior.overlooked(noise, crossed @ crossed.T, count)
 
     def _nuisances(
         self, equations: ErrorEquations, posterior: WeightedFit, solved: list[Array]

@@ -75,7 +75,7 @@ class Bench:
     def __init__(self) -> None:
         self._warm = subprocess.Popen(
             [sys.executable, __file__],
-            env={**os.environ, "PYTHONPATH": ROOT},
+            env={**os.environ, "PYTHONPATH": ROOT, "PYTHONDONTWRITEBYTECODE": "1"},
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             text=True,
@@ -122,8 +122,8 @@ def content(folder: Path) -> dict[str, Any]:
 
 
 def _watch(folder: Path, touched: list[str]) -> None:
-    """Note what this process changes outside of a folder, and programs that it starts."""
-    inside = os.path.realpath(folder)
+    """Note what this process changes outside of a folder and the cache, and what it starts."""
+    inside = [os.path.realpath(folder), os.path.realpath(f"{os.environ['XDG_CACHE_HOME']}/sldvexp")]
 
     def note(event: str, given: tuple[Any, ...]) -> None:
         if event in RUNS:
@@ -149,7 +149,7 @@ def _watch(folder: Path, touched: list[str]) -> None:
                 os.path.realpath(os.path.dirname(name) or "."), os.path.basename(name)
             )
             real = os.path.realpath(name) if event == "open" else real
-            if not (real == inside or real.startswith(inside + "/") or real.startswith("/dev/")):
+            if not any(real == own or real.startswith(f"{own}/") for own in (*inside, "/dev")):
                 touched.append(f"{event} {real}")
 
     sys.addaudithook(note)
