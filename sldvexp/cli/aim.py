@@ -24,6 +24,7 @@ from sldvexp.lazy import xarray as xr
 from sldvexp.pose.uncertainty import half_width, standard_error
 from sldvexp.scan import Scan, ScanPart
 from sldvexp.scan.by_hand import ByHand
+from sldvexp.scan.session import Session
 from sldvexp.sweep import recorded_config
 from sldvexp.targets import Circles, Target, shaded_circles
 from sldvexp.targets.shadows import shade_told
@@ -188,8 +189,9 @@ def of_settings(words: list[str], config_dir: str | None) -> tuple[list[AimedVie
     told = {name: (pose, source) for source, poses in _stated(e) for name, pose in poses.items()}
     if not told:
         raise UserError(
-            "aim: these settings say nowhere where the instrument stands: give a rough pose in "
-            "scan.views, or pose=given, or a scene, or the folder of a finished run"
+            "aim: these settings say nowhere where the instrument stands: give rough poses in "
+            f"{(e.scan or Session).rough_poses_key}, or pose=given, or a scene, or the folder of a "
+            "finished run"
         )
     views = [AimedView(n, pose.rotation, pose.place, source) for n, (pose, source) in told.items()]
     return views, _around(e, e.volume.group() if e.volume else None)

@@ -64,12 +64,15 @@ def run(
         )
     if name is not None and to is None:
         raise UserError("command line: --name is of the files that --to=folder writes")
+    name = name or USUAL_NAME
     if folders:
         composed, plugins, choices, done = _of_run(Path(folders[0]), settings)
     else:
         composed, plugins, choices = _composed(settings, config_dir)
         done = None
     experiment = schema.build(composed)
+    if to is not None:
+        planner.files.require_free(Path(to), name, replace=experiment.overwrite)
     found = _planned(action, experiment, done)
     _print(found, action, experiment)
     if to is None:
@@ -80,15 +83,15 @@ def run(
         plugins,
         choices,
         Path(to),
-        name or USUAL_NAME,
+        name,
         replace=experiment.overwrite,
         config_dir=config_dir,
     )
     drawn = planner.figure.draw(found)
-    written += save(drawn, Path(to) / FIGURES / (name or USUAL_NAME), formats=USUAL)
+    written += save(drawn, Path(to) / FIGURES / name, formats=USUAL)
     for path in written:
         print(path)
-    print(f"sldvexp --config-dir {to} experiment={name or USUAL_NAME} runs it")
+    print(f"sldvexp --config-dir {to} experiment={name} runs it")
     return 0
 
 
@@ -175,7 +178,7 @@ def _stands(found: StandPlan) -> Table:
         table.add_row(
             stand.name,
             ", ".join(f"{x:.3f}" for x in stand.origin),
-            ", ".join(f"{x:.3f}" for x in stand.look_at),
+            ", ".join(f"{x:.3f}" for x in stand.look_at.round(3) + 0.0),  # no -0.000
             f"{way.min():.2f} to {way.max():.2f}",
             f"{angle.min():.0f} to {angle.max():.0f} deg",
             _seen(found, k),
@@ -248,8 +251,10 @@ def _usual_room(said: PlanRoom) -> str:
     room, unsaid = said.for_new_stands(), said.unsaid
     limits = {"low": "y from {1:g} m", "high": "y to {1:g} m", "distance": "{:g} to {:g} m away"}
     told = [limits[key].format(*getattr(room, key)) for key in unsaid]
-    keys = " and ".join(f"plan.room.{key}" for key in unsaid)
-    return f"stands were looked for with {', '.join(told)}, for nothing says {keys}"
+    keys = [f"plan.room.{key}" for key in unsaid]
+    listed = " and ".join(filter(None, [", ".join(keys[:-1]), keys[-1]]))
+    are = "are" if len(keys) > 1 else "is"
+    return f"stands were looked for with {', '.join(told)}, as {listed} {are} not set"
 
 
 def _not_seen(found: StandPlan) -> Iterator[str]:

@@ -8,7 +8,7 @@ written whole or not at all, and none in the place of another one unless that is
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
@@ -93,18 +93,23 @@ def write_own(texts: Mapping[Path, str], replace: bool, instead: str) -> None:
     UserError
         If a file exists and is not to be replaced, or cannot be written.
     """
-    for path in texts:
-        require_no_link(path)
-        if path.is_dir():
-            raise UserError(f"{path}: cannot be written: it is a folder")
-        if path.exists() and not replace:
-            raise UserError(f"{path}: exists; {instead}")
+    require_writable(texts, replace, instead)
     for path in texts:
         make_folder(path.parent)
     with ExitStack() as together:
         beside = [together.enter_context(whole_or_nothing(path)) for path in texts]
         for place, text in zip(beside, texts.values(), strict=True):
             place.write_text(text, encoding="utf-8")
+
+
+def require_writable(paths: Iterable[Path], replace: bool, instead: str) -> None:
+    """Refuse files that exist and are not to be replaced, links and folders; see `write_own`."""
+    for path in paths:
+        require_no_link(path)
+        if path.is_dir():
+            raise UserError(f"{path}: cannot be written: it is a folder")
+        if path.exists() and not replace:
+            raise UserError(f"{path}: exists; {instead}")
 
 
 class _Plain(yaml.SafeDumper):

@@ -11,15 +11,12 @@ from sldvexp.dataset import RunData
 from sldvexp.errors import UserError
 from sldvexp.field.visibility.view import View, views_of
 from sldvexp.geometry import KnownPose
-from sldvexp.planner.images import Stand, empty_image, known_stand, raster_of
+from sldvexp.planner.images import Stand, empty_image, known_stand, looked_at, raster_of
 from sldvexp.planner.place import Place
 from sldvexp.pose.given import Given
 from sldvexp.scan.rectangle import Rectangle
 from sldvexp.scan.session import Session
 from sldvexp.typing import Array
-
-#: Distance at which a place that is looked at is named where nothing says it, m.
-AHEAD = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,8 +74,8 @@ def of_experiment(experiment: Experiment, place: Place) -> GivenStands:
         poses = {name: (pose.rotation, pose.place) for name, pose in known.items()}
     if not poses:
         raise UserError(
-            "plan: there are no stands to go on from: give a run's folder, or their poses with "
-            "pose=given and pose.views, or rough ones in the scan"
+            "plan: there are no stands to go on from: give a run's folder, or rough poses with "
+            "scan=session and scan.poses, or their poses with pose=given and pose.views"
         )
     stands = tuple(
         _stand(name, origin, rotation, place) for name, (rotation, origin) in poses.items()
@@ -88,9 +85,9 @@ def of_experiment(experiment: Experiment, place: Place) -> GivenStands:
 
 
 def _stand(name: str, origin: Array, rotation: Array, place: Place) -> Stand:
-    """Take a pose for a stand, which looks along its own axis to beside the object."""
-    ahead = max(float(rotation[2] @ (place.middle - origin)), AHEAD)
-    return known_stand(name, origin, origin + ahead * rotation[2], rotation, place)
+    """Take a pose for a stand, which looks along its own axis."""
+    look_at = looked_at(origin, rotation[2], place)
+    return known_stand(name, origin, look_at, rotation, place)
 
 
 def _image(stand: Stand, experiment: Experiment, number: int, place: Place) -> View:

@@ -1,9 +1,10 @@
 """Files of a plan: an experiment that a run takes as it is, and the poses alone, as YAML.
 
 ``experiment/<name>.yaml`` says what differs from the choices of the groups, with the plan's views:
-circles and regions of the scan in DAC steps, and in a virtual lab the true stands. The pose method
-stays, since nobody stands exactly where a plan says. ``pose/<name>.yaml`` has the stands as they
-are planned, for ``pose=<name>``. Both are written whole or not at all.
+rough poses of the scan, with the region in the world, or circles and corners in DAC steps where the
+scan cannot predict them, and in a virtual lab the true stands. The pose method stays, since nobody
+stands exactly where a plan says. ``pose/<name>.yaml`` has the stands as they are planned, for
+``pose=<name>``. Both are written whole or not at all.
 """
 
 from __future__ import annotations
@@ -15,17 +16,43 @@ from typing import Any
 from omegaconf import DictConfig, OmegaConf
 
 from sldvexp.config.experiment import SINGLE_GROUPS
-from sldvexp.config.own_files import choice_text, own_path, write_own, wrong_name
+from sldvexp.config.own_files import (
+    choice_text,
+    own_path,
+    require_writable,
+    write_own,
+    wrong_name,
+)
 from sldvexp.config.sources import Origins
 from sldvexp.errors import UserError
 from sldvexp.planner.circle_lines import fit_stride
-from sldvexp.planner.images import Stand
+from sldvexp.planner.images import USUAL_PIXELS, Stand
 from sldvexp.planner.planned import StandPlan
+from sldvexp.units import LengthUnit
 
 #: Name of the key of a pose for the place that is looked at.
 LOOK_AT = "look_at"
+#: Groups that a plan is a choice of.
+GROUPS = ("experiment", "pose")
 #: Settings that a plan does not go on with: they are of other views.
 OF_OTHER_VIEWS = ("expect", "overwrite", "use_repair")
+
+
+#: Advice to who has such a file already.
+INSTEAD = "overwrite=true puts this plan in its place"
+
+
+def require_free(folder: Path, name: str, replace: bool) -> None:
+    """Refuse a name whose files cannot be written, before a plan is looked for.
+
+    Raises
+    ------
+    UserError
+        If it is no name, or a file exists and is not to be replaced.
+    """
+    if wrong := wrong_name(name):
+        raise UserError(f"command line: --name={name}: {wrong}")
+    require_writable([own_path(folder, group, name) for group in GROUPS], replace, INSTEAD)
 
 
 def write(
@@ -62,14 +89,11 @@ def write(
     UserError
         If a file exists and is not to be replaced, or cannot be written.
     """
-    if wrong := wrong_name(name):
-        raise UserError(f"command line: --name={name}: {wrong}")
+    require_free(folder, name, replace)
     whole = experiment_text(plan, config, plugins, choices, config_dir)
-    texts = {
-        own_path(folder, "experiment", name): whole,
-        own_path(folder, "pose", name): pose_text(plan),
-    }
-    write_own(texts, replace, "overwrite=true puts this plan in its place")
+    paths = [own_path(folder, group, name) for group in GROUPS]
+    texts = dict(zip(paths, (whole, pose_text(plan)), strict=True))
+    write_own(texts, replace, INSTEAD)
     return list(texts)
 
 
@@ -135,21 +159,10 @@ def _differences(values: Mapping[str, Any], base: Mapping[str, Any]) -> dict[str
 
 def _put_views(values: dict[str, Any], plan: StandPlan, plugins: Mapping[str, str]) -> None:
     """Put the plan's views into the scan, the virtual lab, and the poses that are given."""
-    circles = {s.name: {"dac": s.circles.tolist()} for s in plan.added if len(s.circles)}
-    corners = {s.name: {"corners": s.corners.tolist()} for s in plan.added}
     stays = len(plan.added) < len(plan.stands)
-    places = [(values.get("scan"), plugins.get("scan"))]
     poses = {s.name: as_pose(s) for s in plan.added}
-    scan = values.get("scan") or {}
-    if scan.get("poses"):  # rough ones, which predict circles and regions
-        scan["poses"] = {**(scan["poses"] if stays else {}), **poses}
-        places = []
-    elif plugins.get("scan") == "session":
-        places = [(scan["calibration"], "calibration"), (scan["structure"], "rectangle")]
-    for scan, kind in places:
-        if kind in ("calibration", "rectangle") and scan is not None:
-            new = circles if kind == "calibration" else corners
-            scan["views"] = {**(scan["views"] if stays else {}), **new}
+    if (scan := values.get("scan")) is not None:
+        _put_into_scan(scan, plugins["scan"], plan, stays, poses)
     if plugins.get("scan") in ("session", "calibration"):
         whole = values["scan"]
         fit_stride(whole.get("calibration", whole), plan.added, plan.place)
@@ -157,6 +170,42 @@ def _put_views(values: dict[str, Any], plan: StandPlan, plugins: Mapping[str, st
         values["scene"]["views"] = {**(values["scene"]["views"] if stays else {}), **poses}
     if plugins.get("pose") == "given" and not values["pose"]["path"]:
         values["pose"]["views"] = {**(values["pose"]["views"] if stays else {}), **poses}
+
+
+def _put_into_scan(
+    scan: dict[str, Any], plugin: str, plan: StandPlan, stays: bool, poses: dict[str, Any]
+) -> None:
+    """Put the views into a scan: as rough poses where it can predict from them, else in DAC steps.
+
+    Rough poses predict the circles of a calibration object, and the region whose corners are told
+    in the world.
+    """
+    session = plugin == "session"
+    aimed = bool(scan.get("poses")) or (session and bool(scan["outline"]["path"]))
+    aimed = aimed or plan.place.marks.circles is not None
+    steps = {s.name: {"dac": s.circles.tolist()} for s in plan.added if len(s.circles)}
+    corners = {s.name: {"corners": s.corners.tolist()} for s in plan.added}
+    of_pose = {name: {"pose": pose} for name, pose in poses.items()}
+    if session and aimed:
+        scan["poses"] = {**(scan["poses"] if stays else {}), **poses}
+        of_pose = {}
+    if session or plugin == "calibration":
+        circles = scan["calibration"] if session else scan
+        circles["views"] = {**(circles["views"] if stays else {}), **(of_pose if aimed else steps)}
+    if session or plugin == "rectangle":
+        image = scan["structure"] if session else scan
+        aimed = _tell_region(image, plan) and (aimed or not session)
+        image["views"] = {**(image["views"] if stays else {}), **(of_pose if aimed else corners)}
+
+
+def _tell_region(image: dict[str, Any], plan: StandPlan) -> bool:
+    """Tell a scan of images the region that it takes, in the world; false if nobody knows it."""
+    if not image["pixels"] and image["stride"] is None:
+        image["pixels"] = list(USUAL_PIXELS)
+    if not image["corners_at"]:
+        unit = LengthUnit[image["unit"]].value
+        image["corners_at"] = (plan.place.region / unit).round(6).tolist()
+    return bool(image["corners_at"])
 
 
 def as_pose(stand: Stand) -> dict[str, Any]:

@@ -17,19 +17,20 @@ from sldvexp.geometry import rotation_towards
 from sldvexp.laser import direction_cosines
 from sldvexp.planner.aim import aimed, angles_of
 from sldvexp.planner.expected import empty_view
-from sldvexp.planner.place import Place, crosses
+from sldvexp.planner.place import BESIDE, Place, crosses
 from sldvexp.scan.lines import half_chords, rectangle, strided
 from sldvexp.scan.rectangle import Rectangle
 from sldvexp.scan.session import Session
 from sldvexp.typing import Array, IntArray
 
+#: Distance at which a place that is looked at is named where nothing says it, m.
+AHEAD = 1.0
+#: Part of an axis across the object's mean plane from which the two meet at a place to speak of.
+GRAZING = 0.2
 #: Rows and columns of an image where nothing says how many.
 USUAL_PIXELS = (41, 41)
 #: Part of the pixels that speckle costs, where nothing tells it.
 USUAL_DROP_OUT = 0.002
-#: Part by which the region goes beyond what must be in it, so that the outermost nodes have pixels
-#: on all sides.
-BESIDE = 0.015
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,9 +63,21 @@ class Stand:
 
 def stand_at(name: str, origin: Array, place: Place) -> Stand:
     """Aim an upright instrument at the object from a place."""
-    look_at, _ = aimed(origin[None], place.to_be_seen, place.laser)
+    _, rotation = aimed(origin[None], place.to_be_seen, place.laser)
+    look_at = looked_at(origin, rotation[0, 2], place)
     look_at = look_at.round(3)  # as it is written, so that the angles are those of what is written
-    return known_stand(name, origin, look_at[0], rotation_towards(origin, look_at[0]), place)
+    return known_stand(name, origin, look_at, rotation_towards(origin, look_at), place)
+
+
+def looked_at(origin: Array, axis: Array, place: Place) -> Array:
+    """Find where an instrument's axis meets the object's mean plane, or passes beside the object.
+
+    The second is of an object around which surfaces go, and of an axis along the plane.
+    """
+    way, normal = place.middle - origin, place.frame[:, 2].mean(axis=0)
+    slope = float(normal @ axis)
+    far = float(normal @ way) / slope if abs(slope) > GRAZING else 0.0
+    return np.asarray(origin + (far if far > 0 else max(float(axis @ way), AHEAD)) * axis)
 
 
 def known_stand(name: str, origin: Array, look_at: Array, rotation: Array, place: Place) -> Stand:

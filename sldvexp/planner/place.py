@@ -34,6 +34,13 @@ from sldvexp.volume import Prisms, Volume
 NODES_FOR_SEARCH = 150
 #: Of its extent: height over a tangent plane that is only round-off.
 ROUNDING = 1e-6
+#: Part by which the region goes beyond what must be in it, so that the outermost nodes have pixels
+#: on all sides.
+BESIDE = 0.015
+#: Depth of an object over its lesser extent, up to which it is flat.
+FLAT = 0.2
+#: Corners of a region are told to a tenth of a millimetre.
+DECIMALS_OF_REGION = 4
 #: Points on the rim of each circle that beams must reach.
 RIM = 8
 
@@ -245,6 +252,12 @@ class Place:
         """Keep some nodes only."""
         return Place(**{**vars(self), "nodes": self.nodes[chosen], "frame": self.frame[chosen]})
 
+    def with_usual_region(self) -> Place:
+        """Have a region around the object scanned where nothing tells one."""
+        if len(self.region):
+            return self
+        return Place(**{**vars(self), "region": region_around(self.outline, self.frame)})
+
     def thinned(self) -> Place:
         """Keep so many nodes as stands are compared on, spread over the surface."""
         return self.with_nodes(spread(self.nodes, NODES_FOR_SEARCH))
@@ -412,6 +425,32 @@ def region_of(scan: Scan | None) -> Array:
     if not isinstance(part, Rectangle):
         return np.zeros((0, 3))
     return np.array(part.corners_at, float).reshape(-1, 3) * part.unit.value
+
+
+def region_around(outline: Array, frame: Array) -> Array:
+    """Lay the region to scan around a flat object, where nothing tells it, shape (corner, 3), m.
+
+    It is a rectangle in the object's middle plane, larger than the outline on each side by
+    `BESIDE`, and by its depth, so that both faces are within it as seen obliquely. Of an object
+    that is not flat there is none.
+
+    Examples
+    --------
+    >>> square = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
+    >>> region_around(square, np.eye(3)[None]).round(3).tolist()[0]
+    [-0.015, -0.015, 0.0]
+    """
+    axes = frame[0]
+    along = outline @ axes.T
+    low, high = along.min(axis=0), along.max(axis=0)
+    extent, depth = (high - low)[:2], (high - low)[2]
+    if depth > FLAT * extent.min():
+        return np.zeros((0, 3))
+    beside = np.append(BESIDE * extent + depth, 0.0)
+    (a, b, _), (c, d, _) = low - beside, high + beside
+    middle = (low + high)[2] / 2
+    corners = np.array([[a, b, middle], [c, b, middle], [c, d, middle], [a, d, middle]])
+    return np.asarray((corners @ axes).round(DECIMALS_OF_REGION))
 
 
 def outline_of(prisms: Prisms, margin: float) -> Array:

@@ -209,7 +209,7 @@ def check_stands(experiment: Experiment, run: RunData | None = None) -> StandPla
     >>> check_stands(experiment).examined.seen.all(axis=1).tolist()
     [True, True, True]
     """
-    task = _Task.of(experiment, _given(experiment, run))
+    task = _Task.of(experiment, _given(experiment, run), new_stands=False)
     return task.result(())
 
 
@@ -237,8 +237,11 @@ class _Task:
     fewest: StandPlan | None = None
 
     @classmethod
-    def of(cls, experiment: Experiment, given: GivenStands) -> _Task:
+    def of(cls, experiment: Experiment, given: GivenStands, new_stands: bool = True) -> _Task:
         place = Place.from_experiment(experiment, new_stands=False)
+        searched = Place.from_experiment(experiment)
+        if new_stands:
+            place, searched = place.with_usual_region(), searched.with_usual_region()
         settings = experiment.plan
         gage = PlannedGage.from_ends(settings.gage, place)
         chosen = spread(place.nodes, NODES_FOR_SEARCH)
@@ -253,7 +256,7 @@ class _Task:
             whole = replace(Goal.evenly(wanted, settings.criterion), weight=weight)
             goal = whole.of_nodes(chosen)
         rng = np.random.default_rng(experiment.seed)
-        thinned = Place.from_experiment(experiment).with_nodes(chosen)
+        thinned = searched.with_nodes(chosen)
         return cls(experiment, given, place, thinned, chosen, whole, goal, gage, rng)
 
     def estimated(self, count: int) -> float:

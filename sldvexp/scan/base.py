@@ -196,7 +196,15 @@ class Sampling:
 
 
 class Scan(ABC):
-    """Base of the plugins: which views there are, and what is scanned in each of them."""
+    """Base of the plugins: which views there are, and what is scanned in each of them.
+
+    Attributes
+    ----------
+    rough_poses_key : str
+        Setting that takes the rough poses of views, for messages.
+    """
+
+    rough_poses_key: ClassVar[str] = "scan.views"
 
     @abstractmethod
     def view_names(self) -> list[str]:

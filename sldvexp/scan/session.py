@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 from sldvexp.config.registry import register
 from sldvexp.errors import Checks
@@ -47,6 +47,8 @@ class Session(Scan):
         mesh, whose outline is scanned instead, and `structure` images the region of its
         `corners_at`.
     """
+
+    rough_poses_key: ClassVar[str] = "scan.poses"
 
     calibration: CalibrationScan = field(default_factory=CalibrationScan)
     structure: Rectangle = field(default_factory=Rectangle)

@@ -29,8 +29,11 @@ def has_lines(folder: Path) -> bool:
 
 def how_to_use_the_scan(folder: Path) -> str:
     """Tell how to use the scan that is kept where a run fails behind it."""
-    path = shlex.quote(f"instrument.path={folder}")
-    return f"{SCAN_KEPT}: repeat the command, mended, with instrument=replay {path}"
+    resume = shlex.quote(f"resume={folder}")
+    return (
+        f"{SCAN_KEPT}: mend the configuration's file, or add settings that differ at the end, "
+        f"and go on with: sldvexp {resume}"
+    )
 
 
 @contextmanager

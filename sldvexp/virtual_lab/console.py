@@ -110,23 +110,24 @@ def with_planned_stands(experiment: Experiment) -> tuple[Scene, list[str]]:
     Returns
     -------
     Scene, list of str
-        And sentences on what was taken.
+        And a sentence on each view, where the instrument stands in it.
     """
     scene = experiment.scene
     rough = experiment.scan.rough_poses() if experiment.scan else {}
-    taken = {
-        name: pose
-        for name, pose in rough.items()
-        if name not in scene.views
-        or np.linalg.norm(scene.views[name].place - pose.place) > SAME_STAND
-    }
-    if not taken:
-        return scene, []
-    told = (
-        f"the instrument stands exactly where the scan's rough poses have it in {', '.join(taken)}:"
-        f" the scene has the views {', '.join(scene.views)}, and none of these near there"
-    )
-    return replace(scene, views={**scene.views, **taken}), [told]
+    key = experiment.scan.rough_poses_key if experiment.scan else ""
+    told = []
+    views = dict(scene.views)
+    for name in {**scene.views, **rough}:
+        source, beside = "scene.views", ""
+        if name in rough and name in views:
+            off = float(np.linalg.norm(views[name].place - rough[name].place))
+            beside = f", {off:.3f} m beside {key}"
+        if name in rough and (name not in views or off > SAME_STAND):
+            views[name], source = rough[name], key
+            beside = f", and not {off:.2f} m beside it as scene.views has it" if beside else ""
+        at = ", ".join(f"{x:.3f}" for x in views[name].place)
+        told.append(f"view {name}: the instrument stands at ({at}) m, from {source}{beside}")
+    return replace(scene, views=views), told
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -59,6 +59,11 @@ class VirtualLab:
         target: Target | None = None,
         seed: int | Sequence[int] = 0,
     ) -> None:
+        if not scene.views:
+            raise UserError(
+                "scene.views: give at least one view, where the instrument stands; sldvexp-lab "
+                "takes rough poses of the scan too, as scan.poses of scan=session"
+            )
         self.scene = scene
         self.mirrors = scene.mirrors.applied(laser)
         self._pointing = scene.pointing_terms

@@ -318,9 +318,6 @@ class Scene(ABC):
 
     def __post_init__(self) -> None:
         checks = Checks()
-        checks.require(
-            bool(self.views), "views", "give at least one view, where the instrument stands"
-        )
         for name, view in self.views.items():
             _check_view(checks, f"views.{name}", view)
         self.mirrors.check(checks, "mirrors")

@@ -254,12 +254,16 @@ PLANNED = (
 def test_stands_that_are_planned_are_served_in_any_scene(served, own_folder):
     (own_folder / "experiment" / "planned.yaml").write_text(PLANNED)
     chosen = ["experiment=planned", "scene=mine"]
-    scene, (told,) = console.with_planned_stands(console.experiment(chosen, str(own_folder)))
+    scene, told = console.with_planned_stands(console.experiment(chosen, str(own_folder)))
     assert scene.views["front"].origin == [450, 100, 2000]  # as near as a person stands
     assert scene.views["1"].origin == [-0.9, 1.1, 1.2]
-    assert "rough poses have it in 1: the scene has the views front," in told
+    assert told == [
+        "view front: the instrument stands at (0.450, 0.100, 2.000) m, from scene.views, "
+        "0.024 m beside scan.poses",
+        "view 1: the instrument stands at (-0.900, 1.100, 1.200) m, from scan.poses",
+    ]
     process, resource = served("--config-dir", str(own_folder), *chosen)
-    assert "stands exactly where" in process.stdout.readline()
+    assert process.stdout.readline() == told[0] + "\n"
     with Visa(resource).open(view="1") as ours:
         ours.configure(ACQUISITION)
 
@@ -267,7 +271,28 @@ def test_stands_that_are_planned_are_served_in_any_scene(served, own_folder):
 def test_a_stand_that_only_has_the_name_of_a_planned_one_is_another(own_folder):
     (own_folder / "experiment" / "planned.yaml").write_text(PLANNED.replace("2.02", "1.5"))
     made = console.experiment(["experiment=planned", "scene=mine"], str(own_folder))
-    assert console.with_planned_stands(made)[0].views["front"].origin == [0.46, 0.09, 1.5]
+    scene, told = console.with_planned_stands(made)
+    assert scene.views["front"].origin == [0.46, 0.09, 1.5]
+    assert told[0] == (
+        "view front: the instrument stands at (0.460, 0.090, 1.500) m, from scan.poses, and not "
+        "0.50 m beside it as scene.views has it"
+    )
+
+
+def test_a_scene_without_views_has_those_of_the_plan(served, own_folder):
+    (own_folder / "experiment" / "planned.yaml").write_text(PLANNED)
+    scene = own_folder / "scene" / "bare.yaml"
+    scene.write_text(
+        "defaults: [schema/plate@_here_, _self_]\n"
+        "plate: {size: [0.3, 0.2], modes: {bending: {x: 1, y: 1, velocity: 0.01}}}\n"
+    )
+    chosen = ["experiment=planned", "scene=bare"]
+    process, resource = served("--config-dir", str(own_folder), *chosen)
+    assert "view 1: the instrument stands at (-0.900" in process.stdout.readline()
+    with Visa(resource).open(view="1") as ours:
+        ours.configure(ACQUISITION)
+    with pytest.raises(UserError, match=r"scene\.views: give at least one view, .*scan\.poses"):
+        console.serve(["~experiment", *chosen[1:]], port=0, config_dir=str(own_folder))
 
 
 def test_who_chooses_no_scene_is_told_their_own_ones(own_folder):

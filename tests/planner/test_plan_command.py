@@ -33,12 +33,13 @@ def test_a_plan_is_written_as_an_experiment_with_poses_and_a_figure(planned):
     assert list(views) == ["1", "2", "3", "4"]
     assert all(set(view) == {"origin", "look_at"} for view in views.values())
     scan = made["scan"]
-    assert [len(v["dac"]) for v in scan["calibration"]["views"].values()] == [4] * 4
-    assert [len(v["corners"]) for v in scan["structure"]["views"].values()] == [4] * 4
+    assert scan["poses"] == views
+    assert len(scan["structure"]["corners_at"]) == 4
     assert yaml.safe_load(Path("lab/pose/monday.yaml").read_text())["views"] == views
     assert "expect" not in made
     said = (
-        "stands were looked for with y from -0.9 m, y to 1.1 m, 1.2 to 2.5 m away, for nothing says"
+        "stands were looked for with y from -0.9 m, y to 1.1 m, 1.2 to 2.5 m away, as "
+        "plan.room.low, plan.room.high and plan.room.distance are not set"
     )
     assert said in words(planned.out)
     assert "both mirrors at step 0" in words(planned.out)
@@ -115,6 +116,46 @@ def test_rough_poses_of_a_folder_of_ones_own_are_checked_and_planned_anew(sldvex
     assert "out of reach" not in told.out
 
 
+def looks_at(table: str) -> list[str]:
+    """Read the places that the stands of a table look at."""
+    return [line.split("│")[3].strip() for line in table.splitlines() if line.startswith("│ ")]
+
+
+@pytest.mark.parametrize("unit", ["m", "mm"])
+def test_a_plan_without_any_rough_pose_has_them_for_all_that_follows(sldvexp, unit):
+    Path("lab/laser").mkdir(parents=True)
+    Path("lab/laser/mine.yaml").write_text(
+        "defaults: [schema/two_mirror@_here_, _self_]\nup_down: {gain: 22}\n"
+    )
+    own = ("--config-dir", "lab")
+    bare = [word for word in ROUGH if "corners_at" not in word]
+    bare += ["plan.stands=3", f"scan.structure.unit={unit}", "volume.size=[0.3,0.2]"]
+    bare += ["volume.thickness=0.002"]
+    done = sldvexp("plan", *own, *bare, "--to", "lab", "--name", "bare")
+    assert (done.status, done.err) == (0, "")
+    scan = yaml.safe_load(Path("lab/experiment/bare.yaml").read_text())["scan"]
+    assert list(scan["poses"]) == ["1", "2", "3"]
+    assert "calibration" not in scan
+    assert "views" not in scan["structure"]
+    corners = np.array(scan["structure"]["corners_at"]) / {"m": 1, "mm": 1000}[unit]
+    assert np.ptp(corners, axis=0)[:2] == pytest.approx([0.313, 0.210], abs=2e-4)
+    checked = sldvexp("plan", *own, "check", "experiment=bare")
+    assert (checked.status, checked.err) == (0, "")
+    assert "does not" not in checked.out
+    assert "beyond" not in checked.out
+    assert looks_at(checked.out)[:3] == looks_at(done.out)[:3]
+    told = sldvexp("aim", *own, "experiment=bare", "view=2")
+    assert (told.status, told.err) == (0, "")
+    assert (told.out.count("circle"), told.out.count("corner")) == (4, 4)
+
+
+def test_who_has_no_stands_is_told_the_setting_that_takes_them(sldvexp):
+    bare = [word for word in ROUGH if not word.startswith("laser")]
+    checked = sldvexp("plan", "check", *bare, "laser=ometron")
+    assert "scan=session and scan.poses" in checked.err
+    assert "give rough poses in scan.poses, or" in sldvexp("aim", *bare, "laser=ometron").err
+
+
 @pytest.mark.whole
 def test_a_plan_replaces_files_only_if_asked(planned, sldvexp):
     before = Path("lab/experiment/monday.yaml").read_bytes()
@@ -122,6 +163,7 @@ def test_a_plan_replaces_files_only_if_asked(planned, sldvexp):
     done = sldvexp(*again)
     assert done.status == 1
     assert done.err.endswith("exists; overwrite=true puts this plan in its place\n")
+    assert done.out == ""  # refused before anything is looked for
     assert Path("lab/experiment/monday.yaml").read_bytes() == before
     assert sldvexp(*again, "overwrite=true").status == 0
     assert Path("lab/experiment/monday.yaml").read_bytes() != before
@@ -143,7 +185,8 @@ def test_the_next_stand_is_written_beside_those_that_are_there(sldvexp):
     done = sldvexp("plan", "next", *QUICK, "--to", "lab")
     assert (done.status, done.err) == (0, "")
     made = yaml.safe_load(Path("lab/experiment/planned.yaml").read_text())
-    assert list(made["scan"]["structure"]["views"]) == ["1", "2", "3", "4", "5", "6"]
+    assert list(made["scan"]["structure"]["views"]) == ["1", "2", "3", "4", "5"]
+    assert list(made["scan"]["poses"]) == ["6"]
 
 
 def test_a_check_names_nodes_and_reasons(sldvexp):

@@ -181,15 +181,15 @@ def test_what_a_page_tells_by_itself_is_not_in_its_sentence_too(cut_off):
     assert told.count(f"sldvexp resume={cut_off}") == 1
     reason = f"volume: it is nowhere; {how_to_use_the_scan(cut_off)}"
     text = Page(Html().of_unfinished(cut_off, reason).read_text()).text
-    first, again, resumed = (
+    first, resumed, again = (
         text.index(part)
         for part in (
             "Volume: it is nowhere. The scan is kept.",
-            f"sldvexp experiment=session seed=3 instrument=replay instrument.path={cut_off}",
             f"sldvexp resume={cut_off}",
+            f"sldvexp experiment=session seed=3 instrument=replay instrument.path={cut_off}",
         )
     )
-    assert first < again < resumed < text.index("calibration object")
+    assert first < resumed < again < text.index("calibration object")
 
 
 def test_the_command_makes_the_page_of_a_run_without_a_dataset(sldvexp, cut_off):

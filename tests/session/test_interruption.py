@@ -128,6 +128,6 @@ def test_a_mistake_behind_the_scan_tells_that_it_is_kept(tmp_path, scanned, kept
     (folder / JOURNAL / "front" / ("line.npz" if kept else CONFIGURATION)).touch()
     with pytest.raises(UserError) as error, telling_of_the_scan(folder, scanned):
         raise UserError("field: it is too large")
-    told = "; the scan is kept: repeat the command, mended, with instrument=replay "
-    told += f"'instrument.path={folder}'"
+    told = "; the scan is kept: mend the configuration's file, or add settings that differ at "
+    told += f"the end, and go on with: sldvexp 'resume={folder}'"
     assert str(error.value) == "field: it is too large" + (told if scanned and kept else "")

@@ -9,6 +9,7 @@ import pytest
 
 from sldvexp.errors import ConfigError, UserError
 from sldvexp.instrument import Acquisition, Instrument, InstrumentError, RawSamples
+from sldvexp.laser import TwoMirror
 from sldvexp.targets import Circle, Circles
 from sldvexp.virtual_lab import VirtualLab
 from sldvexp.virtual_lab.calibration_scene import CalibrationScene
@@ -161,8 +162,8 @@ def test_impossible_scenes_are_refused(lab, setting, message):
 
 
 def test_a_scene_needs_a_view():
-    with pytest.raises(ConfigError, match="views: give at least one view, where"):
-        CalibrationScene()
+    with pytest.raises(UserError, match=r"scene\.views: give at least one view, where"):
+        VirtualLab(CalibrationScene(), TwoMirror())
 
 
 def test_scenes_that_do_not_fit_the_target(lab):

@@ -104,7 +104,7 @@ def _ended(lines: list[Logged]) -> tuple[list[Logged], str]:
 def _how_to_go_on(folder: Path, stopped: bool, scanned: bool) -> Iterator[Text | Code]:
     """Tell the next command: what was measured is not measured again.
 
-    Of a scan that was finished the command is told first that can be mended.
+    What runs of any configuration is told first.
     """
     where = folder.absolute()
     resume = f"sldvexp {shlex.quote(f'resume={where}')}"
@@ -113,10 +113,16 @@ def _how_to_go_on(folder: Path, stopped: bool, scanned: bool) -> Iterator[Text |
         own = [word for word in _command(folder) if not word.startswith("instrument")]
         again = Code(shlex.join(["sldvexp", *own, "instrument=replay"]) + f" {path}")
         if scanned and not stopped:
-            yield Text("The scan is kept. The command, to be mended, that goes on from it:")
-            yield again
-            yield Text("Or, if what is to be mended is in a file, with the same settings:")
+            yield Text(
+                "The scan is kept. Mend the configuration's file, or add settings that differ "
+                "at the end of the command that goes on from it:"
+            )
             yield Code(resume)
+            yield Text(
+                "Or, with another target or laser and where no file sets the instrument, the "
+                "command, to be mended:"
+            )
+            yield again
             return
         yield Text("What was scanned is kept. To go on from there:")
         yield Code(resume)
