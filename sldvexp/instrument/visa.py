@@ -443,8 +443,10 @@ class CommandedInstrument:
         found = decoded(self.profile.data, block, status, shape, self._scale, self._rate)
         nonsense = np.flatnonzero(found.status & ~KNOWN)
         if len(nonsense):
+            pixel, record = divmod(int(nonsense[0]), self._at_once)
+            which = f"record {record} of pixel {pixel}" if self._at_once > 1 else f"pixel {pixel}"
             raise DisturbanceError(
-                f"the status of record {nonsense[0]} is nonsense: {found.status[nonsense[0]]} in "
+                f"the status of {which} is nonsense: {found.status[nonsense[0]]} in "
                 f"answer to {self.profile.data.status} (data.status of the profile)"
             )
         return replace(found, records=self._at_once)
