@@ -41,6 +41,7 @@ from yaml.resolver import Resolver
 
 from sldvexp.config.naming_loader import NamingLoader
 from sldvexp.config.registry import looked_for_packages
+from sldvexp.limits import YAML_BYTES
 from sldvexp.writing import whole_or_nothing
 
 
@@ -101,8 +102,10 @@ def _of_process(name: str) -> Memory:
 CACHE = "sldvexp"
 #: Files that the cache keeps, the newest, and the largest of them, bytes.
 MOST_KEPT, LARGEST_KEPT = 100, 2**22
-#: Files of a folder of configurations that are looked at: one with more is none that lasts.
-MOST_FILES = 2000
+#: Entries of a folder of configurations that are looked at: of one with more nothing is kept.
+MOST_ENTRIES = 2000
+#: Length of the digest before what is kept, bytes.
+DIGEST = hashlib.sha256().digest_size
 #: What is looked up when a file is read, and not by the content of files.
 LOOKED_UP = re.compile(rb"\$\{\s*(?!now:|hydra:)[\w.]+\s*:")
 
@@ -140,8 +143,8 @@ class LastingMemory:
                 said, content = file.read(DIGEST), file.read()
             if hashlib.sha256(content).digest() == said:
                 with suppress(Exception):  # of classes that are there no more
-                    pickle.loads(content)
-                    return lambda: pickle.loads(content)
+                    first = [pickle.loads(content)]
+                    return lambda: first.pop() if first else pickle.loads(content)
         return None
 
     def write(self, name: str, composed: DictConfig) -> None:
@@ -154,9 +157,6 @@ class LastingMemory:
             kept = sorted(self.folder.iterdir(), key=lambda file: file.stat().st_mtime)
             for old in kept[:-MOST_KEPT]:
                 old.unlink()
-
-
-DIGEST = hashlib.sha256().digest_size
 
 
 def _is_own(about: os.stat_result, is_kind: Callable[[int], bool], others: int) -> bool:
@@ -183,20 +183,16 @@ def name_of(key: tuple[str | None, tuple[str, ...]], sources: Sequence[ConfigSou
         told.update(f"{source.provider} {source.full_path()}\n".encode())
         if source.scheme() != "file":
             continue
-        files = [*islice(_configurations(Path(source.path)), MOST_FILES + 1)]
-        if len(files) > MOST_FILES:
+        entries = [*islice(Path(source.path).rglob("*"), MOST_ENTRIES + 1)]
+        if len(entries) > MOST_ENTRIES:
             return ""
-        for file in sorted(files):
-            content = file.read_bytes()
-            if LOOKED_UP.search(content):
+        for file in sorted(f for f in entries if f.suffix in (".yaml", ".yml") and f.is_file()):
+            with file.open("rb") as opened:
+                content = opened.read(YAML_BYTES + 1)
+            if len(content) > YAML_BYTES or LOOKED_UP.search(content):
                 return ""
             told.update(f"{file} {len(content)}\n".encode() + content)
     return told.hexdigest()
-
-
-def _configurations(folder: Path) -> Iterator[Path]:
-    """Find the files that a folder of configurations may give."""
-    return (f for f in folder.rglob("*") if f.suffix in (".yaml", ".yml") and f.is_file())
 
 
 class RememberingRepository(ConfigRepository):

@@ -81,15 +81,19 @@ class CircleLines:
     def check(self, checks: Checks, name: str) -> None:
         """Note under `name` what is wrong."""
         checks.require(self.lines >= 3, f"{name}.lines", f"must be at least 3, not {self.lines}")
-        least = f"must be at least 9, not {self.pixels}"
-        checks.require(self.pixels >= 9, f"{name}.pixels", least)
-        most = f"must be at most the {MOST_PIXELS} steps of a mirror, not {self.pixels}"
-        checks.require(self.pixels <= MOST_PIXELS, f"{name}.pixels", most)
-        forward = f"must be at least 1, not {self.stride}"
-        checks.require(self.stride is None or self.stride >= 1, f"{name}.stride", forward)
-        odd = f"must be odd and shorter than the line, not {self.window}"
-        good = self.window % 2 == 1 and 0 < self.window < self.pixels
-        checks.require(good, f"{name}.window", odd)
+        check_line(checks, name, self.pixels, self.window, self.stride)
+
+
+def check_line(checks: Checks, name: str, pixels: int, window: int, stride: int | None) -> None:
+    """Note under `name` what is wrong with scan lines that are to cross an edge."""
+    checks.require(pixels >= 9, f"{name}.pixels", f"must be at least 9, not {pixels}")
+    most = f"must be at most the {MOST_PIXELS} steps of a mirror, not {pixels}"
+    checks.require(pixels <= MOST_PIXELS, f"{name}.pixels", most)
+    forward = f"must be at least 1, not {stride}"
+    checks.require(stride is None or stride >= 1, f"{name}.stride", forward)
+    odd = f"must be odd and shorter than the line, not {window}"
+    good = window % 2 == 1 and 0 < window < pixels
+    checks.require(good, f"{name}.window", odd)
 
 
 @dataclass

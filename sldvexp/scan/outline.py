@@ -20,7 +20,7 @@ from sldvexp.geometry import KnownPose
 from sldvexp.io import read_mesh
 from sldvexp.laser import PartOutline, TwoMirror
 from sldvexp.scan.base import Sampling, ScanPart, check_rough_pose, check_view_names
-from sldvexp.scan.calibration import MOST_PIXELS, EdgeMethod, usual_stride
+from sldvexp.scan.calibration import EdgeMethod, check_line, usual_stride
 from sldvexp.typing import Array, IntArray
 from sldvexp.units import LengthUnit
 
@@ -118,13 +118,7 @@ class OutlineLines:
 
     def check(self, checks: Checks, name: str) -> None:
         """Note under `name` what is wrong."""
-        few = f"must be from 9 to {MOST_PIXELS}, not {self.pixels}"
-        checks.require(9 <= self.pixels <= MOST_PIXELS, f"{name}.pixels", few)
-        forward = f"must be at least 1, not {self.stride}"
-        checks.require(self.stride is None or self.stride >= 1, f"{name}.stride", forward)
-        odd = f"must be odd and shorter than the line, not {self.window}"
-        good = self.window % 2 == 1 and 0 < self.window < self.pixels
-        checks.require(good, f"{name}.window", odd)
+        check_line(checks, name, self.pixels, self.window, self.stride)
 
 
 @dataclass

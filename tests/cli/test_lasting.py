@@ -139,6 +139,17 @@ def test_what_is_looked_up_elsewhere_does_not_last(tmp_path, cache, composed, mo
     assert not list(cache.iterdir())
 
 
+def test_of_a_folder_with_more_than_configurations_nothing_is_kept(tmp_path, cache, monkeypatch):
+    mine = tmp_path / "mine" / "solver"
+    mine.mkdir(parents=True)
+    (mine / "own.yaml").write_text("plugin: iterative\n")
+    monkeypatch.setattr(cached_loader, "MOST_ENTRIES", 200)
+    for k in range(300):
+        (mine / f"picture_{k}.png").touch()
+    compose(["solver=own"], tmp_path / "mine")
+    assert not list(cache.iterdir())
+
+
 def test_the_oldest_go(cache, monkeypatch):
     monkeypatch.setattr(cached_loader, "MOST_KEPT", 3)
     memory = LastingMemory.of_user()

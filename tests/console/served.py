@@ -76,7 +76,7 @@ class Page(Browser):
     def until(self, condition) -> None:
         end = time.monotonic() + PATIENCE
         while not condition():
-            assert time.monotonic() < end, (self.text("who"), self.text("said"), self.said())
+            assert time.monotonic() < end, self.js("return document.body.innerText")
             time.sleep(0.03)
 
     def text(self, name: str) -> str:
