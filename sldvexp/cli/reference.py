@@ -89,18 +89,29 @@ def _parameters(plugin: type, values: dict[str, Any]) -> str:
 def rooms() -> list[str]:
     """List the modules whose faces name public functions and classes."""
     found = [m.name for m in pkgutil.iter_modules(sldvexp.__path__) if m.ispkg]
-    return ["sldvexp", *(f"sldvexp.{name}" for name in found if public(f"sldvexp.{name}"))]
+    named = [room for name in found if _named(room := f"sldvexp.{name}")]
+    return ["sldvexp", *named]
 
 
 def public(room: str) -> dict[str, Any]:
     """Find what a room's face names and the program has made."""
-    face = importlib.import_module(room)
-    things = {name: getattr(face, name) for name in getattr(face, "__all__", ())}
     return {
         name: thing
-        for name, thing in things.items()
+        for name, thing in _named(room).items()
         if getattr(thing, "__module__", "").startswith("sldvexp.")
     }
+
+
+def _named(room: str) -> dict[str, Any]:
+    """Find what a room's face names; a package's absence for what rests on one of an extra."""
+    face = importlib.import_module(room)
+    things: dict[str, Any] = {}
+    for name in getattr(face, "__all__", ()):
+        try:
+            things[name] = getattr(face, name)
+        except ModuleNotFoundError as absent:
+            things[name] = absent
+    return things
 
 
 def functions(of: tuple[str, ...] = ()) -> str:
@@ -120,6 +131,10 @@ def functions(of: tuple[str, ...] = ()) -> str:
             parts.append(f"### `{name}`")
             parts.append(f"```python\n{_signature(name, thing)}\n```")
             parts += _text(inspect.getdoc(thing) or "")
+        for name, absent in _named(room).items():
+            if isinstance(absent, ModuleNotFoundError):
+                parts.append(f"### `{name}`")
+                parts.append(f"Needs the package {absent.name}, which is not installed.")
     return "\n\n".join(part for part in parts if part) + "\n"
 
 

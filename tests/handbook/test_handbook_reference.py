@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+import subprocess
 import sys
 from dataclasses import fields
 
@@ -35,6 +37,24 @@ def test_every_public_function_is_in_the_page_of_functions():
     assert count > 150
     assert "did you mean" not in page or "nearest" in page
     assert "\n> " not in page  # nothing that Markdown would take for a quotation
+
+
+def test_every_public_function_is_told_of_also_without_the_extras():
+    extras = (
+        "cholespy cv2 dask distributed meshio skfem sdypy starlette uvicorn websockets joblib ray"
+    )
+    script = f"""
+import sys
+sys.modules.update(dict.fromkeys({extras.split()}))
+from sldvexp.cli import reference
+print(reference.functions())
+"""
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    names = re.compile(r"^### .*", re.MULTILINE)
+    assert names.findall(done.stdout) == names.findall(reference.functions())
+    told = done.stdout.split("### `Console`\n")[1].split("#")[0]
+    assert told.strip() == "Needs the package uvicorn, which is not installed."
 
 
 def test_every_page_is_in_one_chapter_and_one_list(sldvexp):
