@@ -70,7 +70,7 @@ def run(
     else:
         composed, plugins, choices = _composed(settings, config_dir)
         done = None
-    experiment = schema.build(composed)
+    experiment = schema.build(_without_lacking_poses(composed, plugins))
     if to is not None:
         planner.files.require_free(Path(to), name, replace=experiment.overwrite)
     found = _planned(action, experiment, done)
@@ -116,10 +116,19 @@ def _composed(
         with open_dict(composed):
             del composed["hydra"]
         plugins = schema.plugin_names(composed)
-        schema.build(composed)
+        schema.build(_without_lacking_poses(composed, plugins))
     except Exception as error:  # Hydra's and OmegaConf's have no common base
         raise UserError(messages.of_composition(error, origins)) from error
     return composed, plugins, {g: choices[g] for g in plugins if choices.get(g)}
+
+
+def _without_lacking_poses(composed: DictConfig, plugins: dict[str, str]) -> DictConfig:
+    """Leave out the pose method ``given`` of no poses, which are what a plan writes."""
+    if plugins.get("pose") != "given" or composed.pose.path or composed.pose.views:
+        return composed
+    left = composed.copy()
+    left.pose = None
+    return left
 
 
 def _of_run(

@@ -149,6 +149,15 @@ def test_a_plan_without_any_rough_pose_has_them_for_all_that_follows(sldvexp, un
     assert (told.out.count("circle"), told.out.count("corner")) == (4, 4)
 
 
+def test_poses_that_are_given_but_not_yet_known_are_what_a_plan_writes(sldvexp):
+    done = sldvexp("plan", *QUICK, "pose=given", "plan.stands=3", "--to", "lab")
+    assert (done.status, done.err) == (0, "")
+    made = yaml.safe_load(Path("lab/experiment/planned.yaml").read_text())
+    assert made["pose"]["views"] == made["scene"]["views"]
+    again = sldvexp("plan", "check", "--config-dir", "lab", "experiment=planned")
+    assert (again.status, again.err) == (0, "")
+
+
 def test_who_has_no_stands_is_told_the_setting_that_takes_them(sldvexp):
     bare = [word for word in ROUGH if not word.startswith("laser")]
     checked = sldvexp("plan", "check", *bare, "laser=ometron")
