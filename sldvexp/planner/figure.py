@@ -202,15 +202,16 @@ def _limit(axes: Any, low: Array, high: Array, across: int, up: int, down: bool)
 def _unrolled(axes: Any, plan: StandPlan, along: Array, colours: Any, values: Array) -> None:
     """Draw the bound over the surface as one faces it."""
     known = np.isfinite(values)[plan.place.surface.triangles].all(axis=1)
-    mesh = Triangulation(*along.T, plan.place.surface.triangles, mask=~known)
-    levels = np.linspace(*colours.get_clim(), LEVELS)
+    t1, t2 = along.T
+    mesh = Triangulation(t1, t2, plan.place.surface.triangles, mask=~known)
+    levels = np.linspace(colours.norm.vmin, colours.norm.vmax, LEVELS)
     axes.tricontourf(
         mesh, np.nan_to_num(values), levels, cmap=colours.cmap, norm=colours.norm, extend="both"
     )
     axes.set_xlabel("along t1, mm")
     axes.set_ylabel("along t2, mm")
     style.hatched(axes)
-    style.ends_of(axes, *along.T)
+    style.ends_of(axes, t1, t2)
 
 
 def _coloured(values: Array) -> Any:

@@ -21,7 +21,8 @@ def test_panels_fill_the_sheet_and_lie_beside_one_another(plan, width):
     made = planner.figure.draw(plan, width=width)
     boxes = np.array([axes.get_tightbbox().extents for axes in made.axes])
     boxes /= made.dpi * np.tile(made.get_size_inches(), 2)
-    assert boxes.min() > -0.01 and boxes.max() < 1.01
+    assert boxes.min() > -0.01
+    assert boxes.max() < 1.01
     sizes = boxes[:, 2:] - boxes[:, :2]
     assert sizes.prod(axis=1).sum() > 0.6
     for k, one in enumerate(boxes):
