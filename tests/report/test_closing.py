@@ -38,6 +38,8 @@ def test_a_field_is_told_by_its_largest_velocities_on_the_surface():
         "velocity on the surface at 200 Hz, the strongest of 2 frequencies: "
         "x 2.00 ± 0.30, z 20.00 ± 0.30 mm/s"
     )
+    of_middle = lines({"field": field.assign_attrs(given_surface="middle"), "verdict": verdict()})
+    assert of_middle["found"].startswith("velocity on the middle surface at 200 Hz")
     assert told["bounds"] == "95 %, r.m.s. of them x 0.3, z 0.3 mm/s"
     assert told["verdict"].startswith("trusted: nothing that could be tested speaks against")
     assert told["files"] == "there/run.nc, pose.txt, report.html"
