@@ -18,7 +18,16 @@ import numpy as np
 
 from sldvexp.config.experiment import Experiment
 from sldvexp.console.board import NoticeBoard
-from sldvexp.console.marks import AimedMarks, Steps, kind_of, parts_of, view_names, wanted
+from sldvexp.console.marks import (
+    CORNER,
+    CORNERS,
+    AimedMarks,
+    Steps,
+    kind_of,
+    parts_of,
+    view_names,
+    wanted,
+)
 from sldvexp.console.outlook import Outlook
 from sldvexp.errors import UserError
 from sldvexp.instrument import Acquisition, Instrument, InstrumentError, RawSamples
@@ -38,6 +47,9 @@ LEVEL, RETRY = 0.25, 2.0
 #: How long the parts of a quick look take about, s, between which wishes are heard; and their most
 #: pixels.
 PART, MOST = 0.2, 256
+#: How long the line of a broadband scan is looked for at which most moves, s, and at how many
+#: places at most.
+SPENT, MOST_PLACES = 2.0, 16
 #: Cells along a side of a quick look, from coarse to fine.
 FINENESS = (8, 16, 32, 64, 128)
 #: A mirror that is held moves on so often, s, and only while the page says so so often, s.
@@ -89,6 +101,7 @@ class AimingBench:
         self._look: Iterator[tuple[IntArray, int]] | None = None
         self._held: tuple[Steps, float] | None = None
         self._pace = PART
+        self._tone: float | None = None  # of the last look at a broadband part, Hz
         self._silent = False  # whether the instrument has failed
         self._photographed = (0.0, (0, 0), "")
         self._begin()
@@ -244,9 +257,35 @@ class AimingBench:
         high = (min(high[0], board[1]), min(high[1], board[1]))
         if low[0] >= high[0] or low[1] >= high[1]:
             raise UserError("there is nothing to look at: the region is outside the board's range")
+        self._find_tone(low, high)
         self._look = self._parts(low, high)
         self.board.begin("raster", view=self.view)
         self.board.tell("looking", True)
+
+    def _find_tone(self, low: Steps, high: Steps) -> None:
+        """Find the line of a broadband part at which most moves, to look at by a sine.
+
+        One record is taken at some places within the region's corners, or what is looked at. An
+        instrument that cannot play it is looked at in the middle of the band.
+        """
+        full = self._full()
+        if full.drive is None:
+            return
+        corners = self._corners()
+        if len(corners) == CORNERS:
+            low, high = (getattr(corners, limit)(axis=0).tolist() for limit in ("min", "max"))
+        count = int(np.clip(SPENT // full.seconds, 1, MOST_PLACES))
+        places = np.array(low) + (np.array(high) - low) * spread_out(count)
+        self._set = None
+        with suppress(InstrumentError):
+            instrument = self._opened_in_view()
+            self._tone = aids.strongest_line(instrument, full, np.rint(places).astype(np.int64))
+
+    def _corners(self) -> IntArray:
+        """Give the corners of the region as marked or predicted, (corner, 2), as many as known."""
+        marks = self.marks.of(self.view)
+        every = {**self.outlook.of(marks, self.view).predicted, **marks}
+        return np.array([dac for (kind, _), dac in every.items() if kind == CORNER], np.int64)
 
     def _stop_look(self, wish: Wish) -> None:
         self._look = None
@@ -293,7 +332,10 @@ class AimingBench:
         reference = _peaks(samples)[:, REFERENCE].astype(np.float32)
         arrays = [dac.astype(np.int32).ravel(), value, flags, reference]
         assert self._set is not None
-        self.board.add("raster", arrays, cell=cell, frequency=self._set.excitation[0])
+        drive = self._full().drive
+        among = 1 if drive is None or self._tone is None else len(drive.lines)
+        how = {"frequency": self._set.excitation[0], "among": among}
+        self.board.add("raster", arrays, cell=cell, **how)
 
     def _parts(self, low: Steps, high: Steps) -> Iterator[tuple[IntArray, int]]:
         """Yield the pixels of a quick look, coarse to fine, with the size of their cells."""
@@ -315,23 +357,30 @@ class AimingBench:
 
     def _ready(self) -> Instrument:
         """Give the instrument in the view, sampling quickly, as the part that is aimed at does."""
+        instrument = self._opened_in_view()
+        wanted = self._sampling()
+        if self._set != wanted:
+            instrument.configure(wanted)
+            self._set = wanted
+        return instrument
+
+    def _opened_in_view(self) -> Instrument:
         if not self.steered:
             raise UserError("nobody is steering")
         e = self.experiment
         if self._instrument is None:
             opened = e.instrument.open(e.scene, e.laser, e.target, seed=e.seed, view=self.view)
             self._instrument = self._opened.enter_context(opened)
-        wanted = self._sampling()
-        if self._set != wanted:
-            self._instrument.configure(wanted)
-            self._set = wanted
         return self._instrument
 
-    def _sampling(self) -> Acquisition:
+    def _full(self) -> Acquisition:
+        """Say how the part that is aimed at is sampled when it is scanned."""
         parts = [p for p in parts_of(self.experiment).values() if hasattr(p, "sampling")]
         chosen = [p for p in parts if kind_of(p) == self.kind] or parts
-        s = chosen[0].sampling if chosen else Sampling()
-        return aids.quick(acquisition_of(s))
+        return acquisition_of(chosen[0].sampling if chosen else Sampling())
+
+    def _sampling(self) -> Acquisition:
+        return aids.quick(self._full(), self._tone)
 
     def _go(self, to: Steps) -> None:
         """Move the beam, to the nearest place that the board has."""
@@ -452,6 +501,18 @@ class AimingBench:
         if change.view != self.view:
             self._choose_view({"name": change.view})
         self._tell_marks()
+
+
+def spread_out(count: int) -> Array:
+    """Spread places over a square of side 1, on no line of symmetry (Roberts's sequence), (n, 2).
+
+    Examples
+    --------
+    >>> spread_out(2).round(2).tolist()
+    [[0.25, 0.07], [0.01, 0.64]]
+    """
+    plastic = 1.324717957244746  # the root of x^3 = x + 1
+    return np.asarray((0.5 + np.arange(1, count + 1)[:, None] / [plastic, plastic**2]) % 1)
 
 
 def _peaks(samples: RawSamples) -> Array:

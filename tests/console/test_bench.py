@@ -13,6 +13,8 @@ from sldvexp.console import bench as bench_module
 from sldvexp.console.bench import AimingBench
 from sldvexp.errors import UserError
 from sldvexp.instrument.visa import Visa
+from sldvexp.scan import Sampling
+from sldvexp.signal import ExcitationKind
 from sldvexp.virtual_lab.lab import VirtualLab
 from sldvexp.virtual_lab.server import Fault, LabServer
 
@@ -155,6 +157,28 @@ def test_three_circles_tell_where_the_fourth_and_the_corners_lie(bench, do, seen
     residual = {m["number"]: m["residual"] for m in seen.look()["marks"]["marks"]}
     assert residual[4] > 20
     assert "contradict" in seen.topics["marks"]["pose"]
+
+
+@pytest.mark.parametrize(("place", "told"), [((0, -650), True), ((1900, 1900), False)])
+def test_broadband_scan_is_looked_at_where_most_moves(lab_experiment, board, wishes, place, told):
+    structure = lab_experiment.scan.structure
+    how = {"excitation": ExcitationKind.multisine, "band": [50.0, 1325.0], "records": 10}
+    sampling = Sampling(rate=5120.0, samples=1024, **how)
+    scan = replace(structure, sampling=sampling)
+    bench = AimingBench(replace(lab_experiment, scan=scan), board, wishes)
+    bench.marks.put("1", ("corner", 1), (0, 0))  # one corner says no region
+    seen = Seen(board)
+    low = [place[0] - 50, place[1] - 50]
+    for wish in ({"do": "taken"}, {"do": "look", "low": low, "high": [v + 100 for v in low]}):
+        wishes.put(wish)
+        bench.turn()
+    bench.turn()
+    bench.leave()
+    seen.look()
+    header = next(h for h, _ in seen.parts if h["picture"] == "raster" and "cell" in h)
+    middle = np.sqrt(50.0 * 1325.0)
+    assert header["frequency"] == pytest.approx(195.0 if told else middle)  # near the mode at 197
+    assert header["among"] == (256 if told else 1)
 
 
 def test_quick_look_goes_from_coarse_to_fine_and_shows_what_moves(bench, do, seen, lab):

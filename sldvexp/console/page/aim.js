@@ -1,6 +1,6 @@
 // Aiming: the field of view, the beam, the level, and the marks.
 
-import { Cells, hertz, paintRamp } from "./cells.js";
+import { Cells, atFrequency, paintRamp } from "./cells.js";
 
 const $ = (id) => document.getElementById(id);
 const STEPS = [1, 10, 100];
@@ -105,7 +105,7 @@ export class Aim {
       this.map.forget();
     } else {
       this.raster.push({ cell: header.cell, arrays });
-      this.frequency = header.frequency;
+      this.looked = header;
       this.addToMap(header.cell, arrays);
     }
     this.showRange();
@@ -118,7 +118,7 @@ export class Aim {
   }
 
   showRange() {
-    $("range").textContent = `0 to ${this.map.top.toPrecision(3)} ${$("shown").value === "reference" ? "V" : "mm/s"}${this.raster.length ? ` at ${hertz(this.frequency)}` : ""}`;
+    $("range").textContent = `0 to ${this.map.top.toPrecision(3)} ${$("shown").value === "reference" ? "V" : "mm/s"}${this.raster.length ? ` ${atFrequency(this.looked)}` : ""}`;
   }
 
   /** Show the other quantity of the same look. */
