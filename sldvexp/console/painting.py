@@ -171,8 +171,8 @@ class Painter:
             parts.append(_PaintedLine(line.dac.astype(np.int32), own, *size))
         self._show(first, parts)
         for flag in Flag:
-            own = int(np.sum(found.flag & flag != 0))
-            self.flagged[flag] = self.flagged.get(flag, 0) + own
+            count = int(np.sum(found.flag & flag != 0))
+            self.flagged[flag] = self.flagged.get(flag, 0) + count
 
     def _show(self, line: LineDone, parts: list[_PaintedLine]) -> None:
         """Add parts to the picture that is shown; begin another one if they are none of it.

@@ -159,26 +159,47 @@ def test_three_circles_tell_where_the_fourth_and_the_corners_lie(bench, do, seen
     assert "contradict" in seen.topics["marks"]["pose"]
 
 
-@pytest.mark.parametrize(("place", "told"), [((0, -650), True), ((1900, 1900), False)])
-def test_broadband_scan_is_looked_at_where_most_moves(lab_experiment, board, wishes, place, told):
-    structure = lab_experiment.scan.structure
+@pytest.fixture
+def broadband(lab_experiment, board, wishes):
+    """A bench for a structure that a multisine excites."""
     how = {"excitation": ExcitationKind.multisine, "band": [50.0, 1325.0], "records": 10}
     sampling = Sampling(rate=5120.0, samples=1024, **how)
-    scan = replace(structure, sampling=sampling)
-    bench = AimingBench(replace(lab_experiment, scan=scan), board, wishes)
-    bench.marks.put("1", ("corner", 1), (0, 0))  # one corner says no region
-    seen = Seen(board)
-    low = [place[0] - 50, place[1] - 50]
-    for wish in ({"do": "taken"}, {"do": "look", "low": low, "high": [v + 100 for v in low]}):
-        wishes.put(wish)
+    scan = replace(lab_experiment.scan.structure, sampling=sampling)
+    made = AimingBench(replace(lab_experiment, scan=scan), board, wishes)
+    made._taken({})
+    yield made
+    made.leave()
+
+
+def looked_at(bench, seen, low, high):
+    """Look quickly at a window until its pixels are found; the headers of the last look."""
+    bench._begin_look({"low": low, "high": high})
+    while bench._look is not None:
         bench.turn()
-    bench.turn()
-    bench.leave()
     seen.look()
-    header = next(h for h, _ in seen.parts if h["picture"] == "raster" and "cell" in h)
-    middle = np.sqrt(50.0 * 1325.0)
-    assert header["frequency"] == pytest.approx(195.0 if told else middle)  # near the mode at 197
-    assert header["among"] == (256 if told else 1)
+    parts = [h for h, _ in seen.parts if h["picture"] == "raster"]
+    begun = max(i for i, h in enumerate(parts) if "cell" not in h)
+    return parts[begun + 1 :]
+
+
+def test_broadband_scan_is_looked_at_where_most_moves(broadband, seen):
+    parts = looked_at(broadband, seen, [-1500, -1600], [1500, 400])
+    assert {h["frequency"] for h in parts} == {440.0}  # of a mode that moves all over the plate
+    assert {h["among"] for h in parts} == {256}
+
+
+def test_broadband_scan_of_a_known_region_is_looked_at_there(broadband, seen):
+    for number, corner in enumerate([(-600, 100), (600, 100), (600, -1400), (-600, -1400)], 1):
+        broadband.marks.put("1", ("corner", number), corner)
+    parts = looked_at(broadband, seen, [1900, 1900], [1930, 1930])
+    assert {h["frequency"] for h in parts} == {440.0}
+
+
+def test_what_does_not_move_is_looked_at_in_the_middle_of_the_band(broadband, seen):
+    parts = looked_at(broadband, seen, [1800, 1800], [1900, 1900])
+    (hertz,) = {h["frequency"] for h in parts}
+    assert hertz == pytest.approx(np.sqrt(50.0 * 1325.0))
+    assert {h["among"] for h in parts} == {1}
 
 
 def test_quick_look_goes_from_coarse_to_fine_and_shows_what_moves(bench, do, seen, lab):
