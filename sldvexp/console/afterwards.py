@@ -141,7 +141,8 @@ def sentences(result: PoseResult, view: str) -> list[str]:
     )
     findings = [f for f in result.findings if of_view(f, view)]
     verdict = verdict_of(findings)
-    told = [f"{POSE}: origin ({place}) m +- ({mm}) mm, {level:.0f} % bounds; {verdict}"]
+    sure = f"+- ({mm}) mm, {level:.0f} % bounds" if np.isfinite(bound).all() else "without bounds"
+    told = [f"{POSE}: origin ({place}) m {sure}; {verdict}"]
     if "residual_rms" in own and np.isfinite(float(own["residual_rms"])):
         told[0] += f"; residuals {float(own['residual_rms']):.2g} DAC steps"
     return told + [f"{POSE} {f.severity.name}: {f.text}" for f in findings]

@@ -116,7 +116,7 @@ class Painter:
         self._kept: dict[str, list[_PaintedLine]] = {}  # of these, to be shown again
         self._power: dict[str, NDArray[Any]] = {}  # of these, by frequency
         self._chosen: dict[str, int] = {}  # of these, the frequency that is shown
-        self._aimed: Scan | None = None
+        self._in_steps: Scan | None = None
         self._lines: queue.Queue[LineDone | None] = queue.Queue()
         board.begin("image")
         self._thread = threading.Thread(target=self._work, name="painter", daemon=True)
@@ -219,10 +219,10 @@ class Painter:
 
     def _image_scan(self, line: LineDone) -> ImageScan | None:
         """Find the part of the scan whose pixels are known beforehand, if the line is of it."""
-        if self._aimed is None:
+        if self._in_steps is None:
             e = self._experiment
-            self._aimed = e.scan.aimed(e.laser, e.target)
-        parts = self._aimed.parts(line.view)
+            self._in_steps = e.scan.in_steps(e.laser, e.target)
+        parts = self._in_steps.parts(line.view)
         images = (p for p in parts if isinstance(p, ImageScan) and p.kind == line.kind)
         return next(images, None)
 

@@ -21,7 +21,7 @@ from sldvexp.field.visibility.projection import Occlusion
 from sldvexp.field.visibility.view import View
 from sldvexp.laser import TwoMirror
 from sldvexp.lazy import scipy
-from sldvexp.planner.aim import angles_of, limits
+from sldvexp.planner.turning import angles_of, limits
 from sldvexp.scan import Scan
 from sldvexp.scan.rectangle import Rectangle
 from sldvexp.scan.session import Session

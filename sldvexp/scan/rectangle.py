@@ -124,7 +124,7 @@ class Rectangle(ImageScan):
     def _corners_at(self, region: ScanRegion) -> list[Any]:
         return region.corners_at or self.corners_at
 
-    def aimed(
+    def in_steps(
         self,
         laser: TwoMirror,
         target: Target | None,

@@ -10,10 +10,10 @@ import pytest
 from sldvexp import planner
 from sldvexp.errors import UserError
 from sldvexp.planner import StandPlan
-from sldvexp.planner.aim import angles_of
 from sldvexp.planner.criterion import Goal, covariance_of
 from sldvexp.planner.place import NODES_FOR_SEARCH, Place, spread
 from sldvexp.planner.search import candidates
+from sldvexp.planner.turning import angles_of
 from tests.planner.planned_experiments import SMALL, composed
 
 PLANS = [
