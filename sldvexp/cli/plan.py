@@ -258,12 +258,16 @@ def told(found: StandPlan, action: str, experiment: Experiment) -> Iterator[str]
 def _usual_room(said: PlanRoom) -> str:
     """Say within which limits stands were looked for that nobody has said."""
     room, unsaid = said.for_new_stands(), said.unsaid
-    limits = {"low": "y from {1:g} m", "high": "y to {1:g} m", "distance": "{:g} to {:g} m away"}
+    limits = {
+        "low": "from y = {1:g} m",
+        "high": "up to y = {1:g} m",
+        "distance": "{:g} to {:g} m away",
+    }
     told = [limits[key].format(*getattr(room, key)) for key in unsaid]
     keys = [f"plan.room.{key}" for key in unsaid]
     listed = " and ".join(filter(None, [", ".join(keys[:-1]), keys[-1]]))
     are = "are" if len(keys) > 1 else "is"
-    return f"stands were looked for with {', '.join(told)}, as {listed} {are} not set"
+    return f"stands were looked for {', '.join(told)}, as {listed} {are} not set"
 
 
 def _not_seen(found: StandPlan) -> Iterator[str]:

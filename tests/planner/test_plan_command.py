@@ -38,7 +38,7 @@ def test_a_plan_is_written_as_an_experiment_with_poses_and_a_figure(planned):
     assert yaml.safe_load(Path("lab/pose/monday.yaml").read_text())["views"] == views
     assert "expect" not in made
     said = (
-        "stands were looked for with y from -0.9 m, y to 1.1 m, 1.2 to 2.5 m away, as "
+        "stands were looked for from y = -0.9 m, up to y = 1.1 m, 1.2 to 2.5 m away, as "
         "plan.room.low, plan.room.high and plan.room.distance are not set"
     )
     assert said in words(planned.out)
