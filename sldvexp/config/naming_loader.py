@@ -30,6 +30,8 @@ REPLAYED = "instrument=replay"
 class NamingLoader(ConfigLoaderImpl):
     """Hydra's loader, for which ``1`` and ``"1"`` name the same entry of a table."""
 
+    _replays = False
+
     def _load_configuration_impl(
         self,
         config_name: str | None,
