@@ -16,7 +16,7 @@ from sldvexp.dataset import FREQUENCY, VARIABLES, RunData, is_void
 from sldvexp.field.bounds.budget import SOURCES
 from sldvexp.lazy import xarray as xr
 from sldvexp.plot import hottest_places, strains_of
-from sldvexp.report.key_numbers import on_surface
+from sldvexp.report.key_numbers import on_surface, surface_name
 from sldvexp.report.numbers import number, with_bound
 
 POSE = VARIABLES["pose"]
@@ -177,14 +177,18 @@ def _components(fields: Mapping[str, xr.Dataset], void: bool) -> Table:
         "elements",
         *["verdict"] * void,
     )
-    title = f"{VELOCITY.titled('Velocity on the surface')}{_some(fields.values())}"
+    surfaces = {surface_name(field) for field in fields.values()}
+    several = len(surfaces) > 1
+    where = "given surface" if several else surfaces.pop()
+    title = f"{VELOCITY.titled(f'Velocity on the {where}')}{_some(fields.values())}"
     table = Table("field", *columns, title=title, title_justify="left")
     for name, field in fields.items():
+        told = f"{name}, {surface_name(field).removesuffix(' surface')}" if several else name
         for component in field["component"].values:
             for hertz in strongest(field):
                 one = _at(field.sel(component=component), hertz)
                 size = np.abs(one["velocity"].values)
-                cells = [name, str(component), "" if np.isnan(hertz) else f"{hertz:g}"]
+                cells = [told, str(component), "" if np.isnan(hertz) else f"{hertz:g}"]
                 cells += [*_above(size, one.get("confidence")), _mm(_rms(size))]
                 bounds = ("velocity_std_noise", "velocity_std_pose", "confidence")
                 cells += [_two(_rms(one[b].values)) if b in one else "" for b in bounds]

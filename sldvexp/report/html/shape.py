@@ -83,6 +83,7 @@ def shape_of(
         pose=pose,
         layers=_other_layers(field, volume, nodes),
         most=MOST_BYTES - taken,
+        first=int(nodes[0]),
     )
 
 
@@ -159,8 +160,13 @@ def stands_of(pose: xr.Dataset, position: NDArray, length: float = 1.0) -> list[
 
 def _other_layers(
     field: xr.Dataset, volume: xr.Dataset, surface: NDArray
-) -> list[tuple[float, xr.Dataset]]:
-    """Find depth and field of the other layers, if they are the surface moved along its normals."""
+) -> list[tuple[float, int, xr.Dataset]]:
+    """Find the other layers, if they are the surface moved along its normals.
+
+    Returns
+    -------
+    list of (depth, first node, field)
+    """
     found = []
     normal = _directions(["n"], volume)[0]
     place, at = field["position"].values, volume["node_layer"].values
@@ -172,7 +178,8 @@ def _other_layers(
         off = float(depth - volume["depth"].values[given])
         away = place[nodes] - place[surface] - off * normal
         if np.abs(away).max() < ALONG * abs(off):
-            found.append((off, field.isel(node=nodes).rename(node="point")))
+            own = field.isel(node=nodes).rename(node="point")
+            found.append((off, int(nodes[0]), own))
     return found
 
 
@@ -184,10 +191,14 @@ def _drawn(
     directions: NDArray,
     strain: xr.Dataset | None = None,
     pose: xr.Dataset | None = None,
-    layers: Sequence[tuple[float, xr.Dataset]] = (),
+    layers: Sequence[tuple[float, int, xr.Dataset]] = (),
     most: int | None = None,
+    first: int = 0,
 ) -> dict[str, Any]:
-    """Pack velocities of points with their bounds, and how they are drawn."""
+    """Pack velocities of points with their bounds, and how they are drawn.
+
+    Nodes are numbered as in the volume, from `first` on.
+    """
     velocity, bound = _values(group)
     length, length_unit = _scale(np.ptp(position, axis=0).max(), FIELD["position"].units)
     speed, speed_unit = _scale(np.nanmax(np.abs(velocity), initial=0.0), FIELD["velocity"].units)
@@ -201,6 +212,7 @@ def _drawn(
         "frequencies": group["frequency"].values[chosen].tolist() if dims else [None],
         "strongest": int(np.argmax(_sizes(velocity[chosen]))),
         "left_out": len(velocity) - len(chosen),
+        "first": first,
         "length_unit": length_unit,
         "velocity_unit": speed_unit,
         "level": f"{float(group.attrs.get('confidence_level', 0.95)):.0%}",
@@ -243,7 +255,7 @@ def _values(group: xr.Dataset) -> tuple[NDArray, NDArray]:
 
 
 def _packed(
-    layers: Sequence[tuple[float, xr.Dataset]],
+    layers: Sequence[tuple[float, int, xr.Dataset]],
     frequencies: NDArray,
     length: float,
     length_unit: str,
@@ -252,10 +264,11 @@ def _packed(
 ) -> Iterator[dict[str, Any]]:
     """Round the other layers, if there is room for all of them."""
     packed = []
-    for depth, group in layers:
+    for depth, first, group in layers:
         velocity, bound = (speed * part[frequencies] for part in _values(group))
         text = f"{abs(length * depth):.3g} {length_unit} {'above' if depth > 0 else 'below'}"
-        own = {"text": text, "depth": length * depth, **_written(velocity, bound, rounded=True)}
+        own = {"text": text, "depth": length * depth, "first": first}
+        own |= _written(velocity, bound, rounded=True)
         room -= size_of(own)
         if room < 0:
             return
