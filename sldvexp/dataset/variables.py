@@ -121,7 +121,9 @@ VARIABLES: dict[str, dict[str, Variable]] = {
             "mode", "m/s", "r.m.s. velocity of all pixels at resonance, per unit of the reference"
         ),
         "modal_scale_std": _V("mode", "m/s", "its standard error"),
-        "misfit": _V("", "1", "variance of what the modes leave over, over that of the noise"),
+        "misfit": _V(
+            "", "1", "variance of what the modes leave over, over that of noise and harmonics"
+        ),
         "misfit_dof": _V("", "1", "real degrees of freedom behind it"),
         "misfit_p_value": _V("", "1", "probability of such a misfit if only noise is left over"),
         "misfit_by_line": _V("line", "1", "the same of each line"),
@@ -131,6 +133,12 @@ VARIABLES: dict[str, dict[str, Variable]] = {
         "synthesis_rms": _V("line", "m/s", "the same of the modes"),
         "residual_rms": _V("line", "m/s", "the same of measured minus synthesised"),
         "noise_rms": _V("line", "m/s", "r.m.s. stated noise of all pixels, of both parts"),
+        "harmonics_rms": _V(
+            "line", "m/s", "r.m.s. of the harmonics of other lines, as they are allowed for"
+        ),
+        "harmonic_ratio": _V(
+            "harmonic", "1", "r.m.s. of a line's harmonic over the line, found in other lines"
+        ),
         "candidate_order": _V("candidate", "1", "order of the fit that has the pole"),
         "candidate_frequency": _V("candidate", "Hz", "its natural frequency"),
         "candidate_damping": _V("candidate", "1", "its damping ratio"),

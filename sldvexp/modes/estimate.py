@@ -94,10 +94,11 @@ def estimate_modes(images: Mapping[str, xr.Dataset], method: ModalMethod) -> Mod
     p_value = float(chi_square_p_value(fit.chi_square, fit.dof))
     wider = inflation(fit.chi_square / fit.dof, p_value)
     fit = replace(fit, covariance=fit.covariance * wider)
-    line_std = responses.noise()[1]
-    projection = ModalProjection(fit.pole, fit.beyond, responses.frequency, 1 / line_std)
+    projection = ModalProjection(
+        fit.pole, fit.beyond, responses.frequency, fit.weight, fit.harmonics
+    )
     mixing = projection.mixing(fit.covariance)
-    found, sums, quality = {}, PhaseSums.empty(len(fit.pole)), LineSums.empty(len(line_std))
+    found, sums, quality = {}, PhaseSums.empty(len(fit.pole)), LineSums.empty(len(fit.weight))
     for modal in projection.images(responses):
         image = images[modal.view.name]
         used = image["flags"].values == 0
@@ -155,6 +156,7 @@ def _modes(
             "pole_parameter": parameters,
             "pole_parameter2": parameters,
             "line": np.arange(len(responses.frequency)),
+            "harmonic": fit.harmonics.order,
             "candidate": np.arange(len(size)),
         },
         natural_frequency=natural,
@@ -180,6 +182,8 @@ def _modes(
         synthesis_rms=quality.rms("synthesis"),
         residual_rms=quality.rms("residual"),
         noise_rms=quality.rms("noise"),
+        harmonics_rms=quality.rms("harmonics"),
+        harmonic_ratio=fit.harmonics.ratio,
         candidate_order=candidates.order,
         candidate_frequency=size / (2 * np.pi),
         candidate_damping=-candidates.pole.real / size,

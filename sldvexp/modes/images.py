@@ -14,6 +14,7 @@ from functools import cached_property
 
 import numpy as np
 
+from sldvexp.modes.harmonics import LineHarmonics
 from sldvexp.modes.model import (
     basis,
     basis_derivatives,
@@ -35,15 +36,18 @@ class ModalImage:
     velocity : ndarray of complex, shape (pixel, mode), m/s
         Peak at resonance, of the mode alone.
     std : ndarray, shape (pixel, mode), m/s
-        Per real and imaginary part, of the pixel's noise alone.
+        Per real and imaginary part, of the pixel's noise and its harmonics alone.
     residual : ndarray of complex, shape (pixel, line), m/s
         Measured minus synthesised.
+    harmonic_variance : ndarray, shape (pixel, line), m2/s2
+        Of each part of the lines, from harmonics of others.
     """
 
     view: ViewResponses
     velocity: ComplexArray
     std: Array
     residual: ComplexArray
+    harmonic_variance: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,12 +61,15 @@ class ModalProjection:
         Poles of the model whose modes are not told.
     frequency : ndarray, shape (line,), Hz
     weight : ndarray, shape (line,)
+    harmonics : LineHarmonics
+        Of each pixel's strong lines, which add to its noise at others.
     """
 
     pole: ComplexArray
     beyond: ComplexArray
     frequency: Array
     weight: Array
+    harmonics: LineHarmonics
 
     @property
     def omega(self) -> Array:
@@ -91,12 +98,13 @@ class ModalProjection:
         for view in responses.views(flagged=True):
             found = self.inverse @ split(view.velocity.T)
             residue = found[:modes] + 1j * found[modes : 2 * modes]
-            variance = power @ np.tile(view.std**2, 2).T
+            added = self.harmonics.variance(np.abs(view.every_line) ** 2 / 2) * responses.level**2
+            variance = power @ np.tile(view.std**2 + added, 2).T
             std = np.abs(scale)[:, None] * np.sqrt((variance[:modes] + variance[modes:]) / 2)
             synthesis = self.rows @ found
             lines = len(self.frequency)
             left = view.velocity - (synthesis[:lines] + 1j * synthesis[lines:]).T
-            yield ModalImage(view, (scale[:, None] * residue).T, std.T, left)
+            yield ModalImage(view, (scale[:, None] * residue).T, std.T, left, added)
 
     def mixing(self, covariance: Array) -> Array:
         """Compute how the poles' uncertainty changes shapes, alike in all pixels.
