@@ -114,6 +114,11 @@ VARIABLES: dict[str, dict[str, Variable]] = {
             "1",
             "standard error of the share of the second mode in the first's shape",
         ),
+        "shape_change": _V(
+            "part pole_parameter mode",
+            "1",
+            "share of the parameter's mode that enters the mode's shape, per unit of its error",
+        ),
         "complexity": _V("mode", "1", "1 - modal phase collinearity; 0 if all moves in phase"),
         "complexity_std": _V("mode", "1", "its standard error"),
         "phase": _V("mode", "rad", "phase of the mode at resonance against the reference", "deg"),
@@ -313,6 +318,9 @@ VARIABLES: dict[str, dict[str, Variable]] = {
         "confidence": _V(_FIELD, "m/s", "half-width of its interval, of the larger part"),
         "velocity_std_noise": _V(_FIELD, "m/s", "standard error from the pixels' noise"),
         "velocity_std_pose": _V(_FIELD, "m/s", "standard error from the poses, of the larger part"),
+        "velocity_std_poles": _V(
+            _FIELD, "m/s", "standard error from frequency and damping of the modes, of modes alone"
+        ),
         "velocity_std_by_part": _V(f"part {_FIELD}", "m/s", "standard error of each part"),
         "confidence_by_part": _V(f"part {_FIELD}", "m/s", "half-width of each part's interval"),
         "variance": _V(

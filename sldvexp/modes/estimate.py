@@ -105,7 +105,7 @@ def estimate_modes(images: Mapping[str, xr.Dataset], method: ModalMethod) -> Mod
         found[modal.view.name] = _image(modal, image, fit, mixing)
         sums += PhaseSums.of(modal.velocity[used], modal.std[used])
         quality += LineSums.of(modal, used)
-    modes = _modes(fit, responses, mixing, sums, quality)
+    modes = _modes(fit, responses, projection, sums, quality)
     told = list(findings_about(modes, fit.responses))
     return ModalEstimate(fit, projection, modes, found, told)
 
@@ -135,9 +135,14 @@ def _image(modal: ModalImage, image: xr.Dataset, fit: ModalFit, mixing: Array) -
 
 
 def _modes(
-    fit: ModalFit, responses: Responses, mixing: Array, sums: PhaseSums, quality: LineSums
+    fit: ModalFit,
+    responses: Responses,
+    projection: ModalProjection,
+    sums: PhaseSums,
+    quality: LineSums,
 ) -> xr.Dataset:
     """Make the group ``modes``."""
+    mixing, changes = projection.mixing(fit.covariance), projection.changes
     natural, damping = _natural(fit)
     count, candidates = len(fit.pole), fit.stabilisation
     relative = np.sqrt(np.diag(fit.covariance))
@@ -167,6 +172,7 @@ def _modes(
         scale_std=np.diag(mixing[0]),
         phase_std=np.diag(mixing[1]),
         mixing_std=mixing,
+        shape_change=np.stack([changes.real, changes.imag]),
         complexity=sums.complexity(),
         complexity_std=sums.complexity_std(),
         phase=sums.phase(),
