@@ -6,6 +6,8 @@ but noise is left over, at pixels that hardly move too.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
@@ -50,15 +52,20 @@ def model_criteria(source: Source | RunData) -> Figure:
     maps = [name for name in MAPS if name in views[0]]
     lines = run.has("model", "csac", "csac_expected", "line_frequency")
     made = style.figure(2.4 + 1.9 * lines, "What the model leaves, over what noise leaves")
-    places = [[*maps], ["csac"] * len(maps)] if lines else [[*maps]]
+    places: list[Any] = [maps, ["csac"] * len(maps)] if lines else [maps]
     axes = made.subplot_mosaic(places)
     place = PLACE.factor * np.concatenate([v["position"].values for v in views])
     plane = np.sort(np.argsort(np.ptp(place, axis=0))[1:])
     for name in maps:
         ratio = np.concatenate([_ratio(v, name) for v in views])
         order = np.argsort(ratio)  # the worst on top
-        look = {"cmap": style.SIZE_MAP, "norm": LogNorm(LOW, HIGH), "rasterized": True}
-        drawn = axes[name].scatter(*place[order][:, plane].T, PIXEL, ratio[order], **look)
+        look: dict[str, Any] = {
+            "cmap": style.SIZE_MAP,
+            "norm": LogNorm(LOW, HIGH),
+            "rasterized": True,
+        }
+        x, y = place[order][:, plane].T
+        drawn = axes[name].scatter(x, y, s=PIXEL, c=ratio[order], **look)
         labels = [f"{'xyz'[i]}, {PLACE.shown_unit}" for i in plane]
         axes[name].set(title=MAPS[name], xlabel=labels[0], ylabel=labels[1], aspect="equal")
     scale = made.colorbar(drawn, ax=[axes[name] for name in maps], label="times that of noise")
@@ -79,7 +86,7 @@ def _ratio(of: xr.Dataset, name: str) -> Array:
 def _over_lines(axes: Axes, model: xr.Dataset) -> None:
     """Draw CSAC over the frequency, beside that of noise alone."""
     hertz = model["line_frequency"].values
-    curves = {
+    curves: dict[str, tuple[str, dict[str, Any]]] = {
         "measured against the model": ("csac", {"color": style.COLOURS[3]}),
         "noise alone": ("csac_expected", {"color": style.COLOURS[-1], "linestyle": ":"}),
     }

@@ -76,8 +76,9 @@ def _criteria(run: RunData) -> list[HtmlTable | Text]:
         return []
     told = (
         "Beside each criterion stands what noise alone leaves of it: where little moves that is "
-        "low of a right model too. The worst is the farthest below it, in standard deviations. Wrong "
-        "frequencies lower FRAC and CSAC around the resonances, and motion of other modes between."
+        "low of a right model too. The worst is the farthest below it, in standard deviations. "
+        "Wrong frequencies lower FRAC and CSAC around the resonances, and motion of other modes "
+        "between."
     )
     return [HtmlTable.from_table(table), Text(told, "small")]
 
