@@ -194,7 +194,7 @@ def test_model_in_other_units_or_axes_is_refused(tmp_path, tree, wrong, said):
     [
         ((0.6, 0.5), (13, 11), CENTER),  # reaches far beyond the plate, on all sides
         ((0.6, 0.5), (7, 6), CENTER),
-        ((0.6, 0.25), (13, 11), CENTER + [0.15, 0, 0]),  # on one side alone
+        ((0.6, 0.25), (13, 11), (0.57, 0.14, 0.0)),  # on one side alone
         ((0.1, 0.08), (4, 3), CENTER),  # a part of the plate
     ],
 )
@@ -232,8 +232,8 @@ def test_centimetres_read_as_inches_are_refused_before_a_scan(tmp_path, tree):
     text = universal_text(large).split("    -1\n   164")[-1].split("    -1\n", 1)[1]
     path = written(tmp_path, text)
     check_place(source(path, unit=LengthUnit.inch).model(), with_volume(tree, (0.3, 0.25), (9, 8)))
+    one = source(path, unit=LengthUnit.cm).model()
     with pytest.raises(UserError, match="as large"):
-        one = source(path, unit=LengthUnit.cm).model()
         check_place(one, with_volume(tree, (0.3, 0.25), (19, 16)))
 
 
