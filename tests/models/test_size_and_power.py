@@ -31,6 +31,8 @@ from tests.models.test_verdict_on_models import MASS, source
 KNOWN = {"E": 0.0092, "rho": 0.004}
 THICKER = 1.02
 MANY, FEW = 200, 6
+#: 0.2 % of the plate's mass at a quarter point.
+WASHER = "scene.plate.masses={washer: {mass: 0.0012, center: [-0.075, -0.0625]}}"
 
 
 def drawn_frequencies_rejected(found, rng, thickness=1.0):
@@ -133,7 +135,7 @@ def test_model_with_a_clamped_edge_is_rejected_in_every_session(session, record_
 def test_model_that_lacks_two_thousandths_of_mass_is_rejected_in_nineteen_of_twenty_sessions(
     tmp_path, record_property
 ):
-    session = RecordedSession(tmp_path, "scene.plate.masses={washer: {mass: 0.0012}}")
+    session = RecordedSession(tmp_path, WASHER)
     examined = repeated(session, session.made.model)
     found = sum(examined(seed).shapes_rejected for seed in range(MANY))
     record_property("rejected", int(found))
