@@ -94,10 +94,11 @@ class MostLikelyModes(ModalMethod):
         found = stabilise(poles, principal, self.rules)
         band = f"between {responses.frequency[0]:g} and {responses.frequency[-1]:g} Hz"
         if not found.modes:
-            wanted = LINES_EACH * len(principal.values)
+            signals = len(principal.values)
+            wanted = LINES_EACH * signals
             few = (
-                f"; {len(principal.values)} signals stand out of the noise, for whose poles {lines} "
-                f"lines are too few: measure at least {wanted}, several across every resonance"
+                f"; {signals} signals stand out of the noise, for whose poles {lines} lines are "
+                f"too few: measure at least {wanted}, several across every resonance"
             )
             told = f"no mode lies {band}: no pole stays as the order grows"
             raise UserError(told + (few if lines < wanted else ""))
