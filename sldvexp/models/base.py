@@ -16,6 +16,7 @@ import numpy as np
 from sldvexp.errors import Checks, UserError, nearest
 from sldvexp.geometry import rigid_transform, rotation_from_euler
 from sldvexp.models.finite_elements import FiniteElementModel
+from sldvexp.models.modal_mass import DrivePoint
 from sldvexp.typing import Array
 from sldvexp.units import LengthUnit
 
@@ -154,6 +155,8 @@ class ModelSource(ABC):
     discretisation : list of float
         Relative standard uncertainty of the frequencies from the mesh: one for all modes, or one a
         mode of the model.
+    drive : DrivePoint, optional
+        Force that drives the structure, from which modal masses follow.
     pair_above : float
         MAC from which a measured mode and one of the model are a pair.
     confidence : float
@@ -166,6 +169,7 @@ class ModelSource(ABC):
     parameters: dict[str, ModelParameter] = field(default_factory=dict)
     adjust: dict[str, float] = field(default_factory=dict)
     discretisation: list[float] = field(default_factory=list)
+    drive: DrivePoint | None = None
     pair_above: float = 0.5
     confidence: float = 0.95
 
@@ -174,6 +178,8 @@ class ModelSource(ABC):
         self.frame.check(checks, "frame")
         checks.probability("pair_above", self.pair_above)
         checks.probability("confidence", self.confidence)
+        if self.drive is not None:
+            self.drive.check(checks, "drive")
         for value in self.discretisation:
             checks.non_negative("discretisation", value)
         for name, parameter in self.parameters.items():

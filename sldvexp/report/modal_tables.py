@@ -196,10 +196,16 @@ def model_table(model: xr.Dataset) -> Table:
     table = Table(title=title, title_justify="left")
     for name in (*names, *tests):
         table.add_column(name, no_wrap=True)
+    weighed = "modal_mass" in model
+    if weighed:
+        table.add_column(VARIABLES["model"]["modal_mass"].titled("modal mass"), no_wrap=True)
     table.add_column("mixed with")
     for mode in model["mode"].values:
         one = model.sel(mode=mode)
         cells = [str(mode), *_frequency_cells(model, one), *_shape_cells(one)]
+        if weighed:
+            mass, std = (float(one[f"modal_mass{end}"]) for end in ("", "_std"))
+            cells.append(with_bound(mass, float(student_factor(0.95, np.inf)) * std))
         table.add_row(*map(escape, cells), escape(mixed_modes(model, one)))
     return table
 

@@ -54,7 +54,10 @@ def test_mesh_that_is_no_coarser_or_of_another_structure_is_refused(tmp_path):
 
     refused(model, "other.uff: its elements are 1 times as large")
     coarse = replace(closed_form((4, 3)), position=closed_form((4, 3)).position - CENTER)
-    refused(replace(coarse, position=1e-3 * coarse.position), "mm beside one another; it must be the same")
+    refused(
+        replace(coarse, position=1e-3 * coarse.position),
+        "mm beside one another; it must be the same",
+    )
     fewer = coarse.with_modes(np.array([0, 1, 3, 4]))
     refused(fewer, r"has no mode of the shape of mode 3 \(551.14 Hz\)")
 
