@@ -219,7 +219,10 @@ def _model_in_place(run: Run) -> None:
     if e.laser is None:
         raise UserError("model: needs a laser, whose beams tell where pixels meet it")
     try:
-        models.placing.check_place(e.model.model(), run.tree)
+        model = e.model.model()
+        models.placing.check_place(model, run.tree)
+        if e.model.drive is not None:
+            models.modal_mass.motion_at(model, e.model.drive)
     except UserError as error:
         raise UserError(f"model: {error}") from None
 
