@@ -23,7 +23,6 @@ if TYPE_CHECKING:  # so that type checkers see the libraries' own types
     import markupsafe
     import netCDF4
     import pandas
-    import pint
     import pyvisa
     import scipy
     import xarray
@@ -33,7 +32,6 @@ else:
     markupsafe = lazy_loader.load("markupsafe")
     netCDF4 = lazy_loader.load("netCDF4")
     pandas = lazy_loader.load("pandas")
-    pint = lazy_loader.load("pint")
     pyvisa = lazy_loader.load("pyvisa")
     scipy = lazy_loader.load("scipy")
     xarray = lazy_loader.load("xarray")
@@ -63,7 +61,7 @@ def numpy_alone(to_the_end: bool = False) -> None:
     ----------
     to_the_end : bool
         Dask is not there for this process any more: xarray looks for its locks when it writes a
-        file, and pint for its arrays when it is imported, 0.5 s more.
+        file, and pint, where it is installed, for its arrays: 0.5 s more.
     """
     if "dask" not in sys.modules:
         # Where xarray knows already that dask is installed, it is loaded after all.
@@ -81,7 +79,6 @@ __all__ = [
     "netCDF4",
     "numpy_alone",
     "pandas",
-    "pint",
     "pyvisa",
     "scipy",
     "xarray",
