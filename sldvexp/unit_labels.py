@@ -101,7 +101,11 @@ class UnitLabel:
 
 
 #: Quantity of a motion by the powers of length and time.
-MOTIONS = {(1, 0): "displacement", (1, -1): "velocity", (1, -2): "acceleration"}
+MOTIONS: dict[tuple[float, float], str] = {
+    (1, 0): "displacement",
+    (1, -1): "velocity",
+    (1, -2): "acceleration",
+}
 _KINEMATIC = {"length", "time"}
 #: Other quantities by a unit of theirs.
 QUANTITIES = {

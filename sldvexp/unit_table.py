@@ -24,11 +24,11 @@ PREFIXES = {
     "femto": (1e-15, "f"),
     "pico": (1e-12, "p"),
     "nano": (1e-9, "n"),
-    "micro": (1e-6, "µ", "μ", "u", "mu", "mc"),
+    "micro": (1e-6, "µ μ u mu mc"),
     "milli": (1e-3, "m"),
     "centi": (1e-2, "c"),
     "deci": (1e-1, "d"),
-    "deca": (1e1, "da", "deka"),
+    "deca": (1e1, "da deka"),
     "hecto": (1e2, "h"),
     "kilo": (1e3, "k"),
     "mega": (1e6, "M"),
@@ -77,8 +77,8 @@ UNITS: dict[str, tuple[float, tuple[int, int, int, int, int], str]] = {
 }
 DIMENSIONS = ("length", "time", "mass", "current", "temperature")
 
-_PREFIX_OF = {said: name for name, (_, *more) in PREFIXES.items() for said in (name, *more)}
-_UNIT_OF = {said: name for name, (*_, more) in UNITS.items() for said in (name, *more.split())}
+_PREFIX_OF = {said: name for name, (_, more) in PREFIXES.items() for said in (name, *more.split())}
+_UNIT_OF = {said: name for name, (_, _, more) in UNITS.items() for said in (name, *more.split())}
 
 
 class PrefixedUnit(NamedTuple):

@@ -12,7 +12,7 @@ pint = pytest.importorskip("pint")
 #: A library rounds a foot on its way over yards, and a pound per square inch three times.
 ROUNDING = 3 * sys.float_info.epsilon
 NAMES = [said for name, (*_, more) in UNITS.items() for said in (name, *more.split())]
-BEFORE = [said for name, (_, *more) in PREFIXES.items() for said in (name, *more)]
+BEFORE = [said for name, (_, more) in PREFIXES.items() for said in (name, *more.split())]
 
 
 @pytest.fixture(scope="module")
