@@ -51,7 +51,7 @@ def said(monkeypatch, capsys):
         try:
             main.main()
         except SystemExit as done:
-            status = done.code
+            status = done.code or 0
         return status, *capsys.readouterr(), len(asked)
 
     return say
