@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sldvexp import dataset
-from sldvexp.dataset import Finding
+from sldvexp.dataset import MODAL_IMAGES, Finding
 from sldvexp.lazy import xarray as xr
 from sldvexp.modes.base import ModalFit, ModalMethod
 from sldvexp.modes.collinearity import PhaseSums
@@ -20,8 +20,6 @@ from sldvexp.statistics import chi_square_p_value
 from sldvexp.typing import Array
 
 PARTS = ("real", "imaginary")
-#: Names of the groups of modal images begin so, as ``modes/image/front``.
-MODAL_IMAGES = "modes/image/"
 
 
 @dataclass(frozen=True, eq=False)
