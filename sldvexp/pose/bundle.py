@@ -275,7 +275,7 @@ class Network:
         rough = np.zeros((len(number), 3))
         for t in reversed(tables):
             rough[np.searchsorted(number, t.number)] = t.object_point
-        known = [*method.distances, *method.ranges]
+        known: list[Distance | MeasuredRange] = [*method.distances, *method.ranges]
         length, std = (
             np.array([getattr(d, key) * d.unit.value for d in known]) for key in ("length", "std")
         )
@@ -525,7 +525,7 @@ def _ambiguous(
 def _notes(method: Bundle, network: Network) -> Iterator[str]:
     """Say what the scale and the axes rest on."""
     std = 1 / np.sqrt(np.sum((network.sightings.length / network.sightings.length_std) ** 2))
-    if any(d.std for d in [*method.distances, *method.ranges]):
+    if any(d.std for d in method.distances) or any(r.std for r in method.ranges):
         yield f"the known distances give the scale to {100 * std:.2g} %"
     if method.frame:
         one, other, third = method.frame
