@@ -28,7 +28,7 @@ from hydra._internal.hydra import Hydra
 from hydra.core.config_search_path import ConfigSearchPath
 
 from sldvexp import dataset, writing
-from sldvexp.cli import commands, main
+from sldvexp.cli import command, commands, main
 from sldvexp.config.cached_loader import Memory, RememberingLoader
 from sldvexp.config.paths import conf_dir
 from sldvexp.instrument import connection
@@ -188,13 +188,13 @@ def run_once(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
 
 def run_here(folder: Path, *words: str, pages: bool) -> None:
     """Run the command in this process, quietly; expectations may be missed."""
-    command = main.Command([*words, f"hydra.run.dir={folder}"], full_error=True, quiet=True)
+    started = command.Command([*words, f"hydra.run.dir={folder}"], full_error=True, quiet=True)
     with handlers_kept(), chdir(folder.parent), pytest.MonkeyPatch.context() as patch:
         patch.setattr(sys, "argv", ["sldvexp"])
         for name, make in PAGES.items() if pages else ():
             patch.setattr(Html, name, make)
-        with main.hydra_raises():
-            assert command.run() in (main.DONE, main.MISSED)
+        with command.hydra_raises():
+            assert started.run() in (command.DONE, command.MISSED)
 
 
 @pytest.fixture

@@ -7,6 +7,8 @@ from .bitangent import bitangents as bitangents
 from .conic import Ellipse as Ellipse
 from .conic_fit import ConicFit as ConicFit
 from .conic_fit import fit_ellipse as fit_ellipse
+from .fewer_nodes import FewerNodes as FewerNodes
+from .fewer_nodes import fewer_nodes as fewer_nodes
 from .joined import joined_in_plane as joined_in_plane
 from .joined import joined_points as joined_points
 from .meridian import Meridian as Meridian

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from sldvexp.dataset import RunData, Source
 from sldvexp.errors import UserError
-from sldvexp.geometry import joined_points, rim, sides
+from sldvexp.geometry import FewerNodes, fewer_nodes, joined_points, rim, sides
 from sldvexp.lazy import xarray as xr
 from sldvexp.plot import style
 from sldvexp.plot.layer import AXES, PLACE, VolumeLayer, layer_of
@@ -28,6 +28,8 @@ NO_SHAPE = (
 )
 #: Largest deflection, as a share of the shape's diagonal.
 DRAWN_SHARE = 0.12
+#: Of more nodes some are drawn for all: a line of print shows no more.
+DRAWN_NODES = 8_000
 #: The shortest side of the drawn box, as a share of the longest.
 THINNEST = 0.3
 
@@ -96,17 +98,19 @@ def surface(
     share = float(DRAWN_SHARE * np.linalg.norm(np.ptp(layer.position, axis=0)) / high)
     place = layer.position + share * np.nan_to_num(values)[:, None] * way
     faint = ~(np.abs(velocity) > np.nan_to_num(bound))
+    fine = np.isfinite(values)[layer.triangle].all(axis=1)
+    few = fewer_nodes(layer.position, layer.triangle[fine], DRAWN_NODES)
     title = style.joined(
         f"Velocity along {component} {layer.where}",
         layer.frequency,
         moment,
         _enlarged(layer.group, share),
         "pale: below its bound" if faint.any() else "",
+        _drawn(few),
     )
     made, axes, scale = style.scene(title)
-    fine = np.isfinite(values)[layer.triangle].all(axis=1)
     both = PLACE.factor * layer.position, PLACE.factor * place
-    drawn = _draw(axes, *both, layer.triangle[fine], NO_LINES, factor * values, faint, dots=False)
+    drawn = _draw(axes, *both, few, NO_LINES, factor * values, faint, dots=False)
     scale(drawn, f"velocity along {component}, {unit}")
     return made
 
@@ -169,7 +173,7 @@ def normals(position: Array, triangles: IntArray) -> Array:
     The mean of the triangles around a point by their areas; where there is none, the normal of the
     plane that is nearest to all points.
     """
-    _, _, axes = np.linalg.svd(position - position.mean(axis=0))
+    _, _, axes = np.linalg.svd(position - position.mean(axis=0), full_matrices=len(position) < 3)
     plane = axes[-1] * (1.0 if axes[-1][np.abs(axes[-1]).argmax()] > 0 else -1.0)
     first, second, third = position[triangles].transpose(1, 0, 2)
     doubled = np.cross(second - first, third - first)
@@ -208,12 +212,20 @@ def points_surface(run: RunData, frequency: float | None, component: str | None)
         faint = ~(np.abs(velocity[:, index]) > np.nan_to_num(own_bound))
     told = "pale: below its bound" if faint.any() else ""
     enlarged = _enlarged(group, share)
-    title = style.joined(f"Velocity of {len(place)} points", hertz, moment, enlarged, told)
+    few = fewer_nodes(position, triangles, DRAWN_NODES)
+    of = f"Velocity of {len(place)} points"
+    title = style.joined(of, hertz, moment, enlarged, told, _drawn(few))
     made, axes, scale = style.scene(title)
     rest = PLACE.factor * position
-    dots = _draw(axes, rest, place, triangles, lines, factor * now[:, index], faint)
+    dots = _draw(axes, rest, place, few, lines, factor * now[:, index], faint)
     scale(dots, f"velocity along {known[index]}, {unit}")
     return made
+
+
+def _drawn(few: FewerNodes) -> str:
+    """Tell how many nodes are drawn, if not all of them."""
+    whole = len(few.kept) == len(few.stands_in)
+    return "" if whole else f"drawn: {len(few.kept)} of {len(few.stands_in)} nodes"
 
 
 def _largest(velocity: NDArray) -> int:
@@ -224,7 +236,7 @@ def _draw(
     axes: Any,
     rest: Array,
     place: Array,
-    triangles: IntArray,
+    few: FewerNodes,
     lines: IntArray,
     values: Array,
     faint: BoolArray,
@@ -234,6 +246,9 @@ def _draw(
 
     Colours of what is faint are mixed with white.
     """
+    rest, place, values = (each[few.kept] for each in (rest, place, values))
+    faint = faint[few.kept]
+    triangles, lines = few.triangles, few.joined(lines)
     limit = float(np.nanmax(np.abs(values))) or 1.0
     mapped = ScalarMappable(Normalize(-limit, limit), style.SIGN_MAP)
 

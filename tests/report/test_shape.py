@@ -9,10 +9,10 @@ import pytest
 import xarray as xr
 from matplotlib import colormaps
 
+from sldvexp.geometry import fewer_nodes
 from sldvexp.plot import style
 from sldvexp.plot.shape import normals
 from sldvexp.report.html import shape
-from sldvexp.report.html.fewer_nodes import fewer_nodes
 from tests.shell.made_strain import made_strain
 
 SQUARE = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0], [2, 1, 1.0]])

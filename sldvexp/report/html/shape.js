@@ -525,7 +525,7 @@ const showShape = async (root) => {
   viewer.join("rest", Uint32Array.from([...rim, ...joined]));
   viewer.join("lines", Uint32Array.from([...rim, ...(rim.length + inner.length <= 2 * MOST_LINES ? inner : []), ...joined]));
   // Points are seen, whatever joins them; pixels are too many.
-  viewer.join("dots", Uint32Array.from(data.names && data.dots !== false ? [...Array(nodes).keys()] : []));
+  viewer.join("dots", Uint32Array.from(data.names && data.dots !== false && !data.few ? [...Array(nodes).keys()] : []));
   viewer.set("beams", [Float32Array.from(beams)]);
   const seen = (n) => camera.projector()(...viewer.drawn(look).slice(4 * n, 4 * n + 3));
   Object.assign(own, { partners: data.partners, root, camera, look, control, hertz, tune, play, draw, seen, state, profile, joined: viewer.joined,

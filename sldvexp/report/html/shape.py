@@ -11,12 +11,11 @@ from matplotlib import colormaps
 from numpy.typing import NDArray
 
 from sldvexp.dataset import VARIABLES
-from sldvexp.geometry import joined_points
+from sldvexp.geometry import FewerNodes, fewer_nodes, joined_points
 from sldvexp.lazy import xarray as xr
 from sldvexp.plot import style
 from sldvexp.plot.shape import normals
 from sldvexp.report.html import packing
-from sldvexp.report.html.fewer_nodes import FewerNodes, fewer_nodes
 
 FIELD = VARIABLES["field"]
 #: Numbers are rounded beyond so many bytes; of more frequencies than fit, the strongest are kept.
@@ -123,10 +122,8 @@ def shape_of_points(
         directions=np.eye(3)[: point.sizes["component"], None],
         pose=pose,
     )
-    ends = few.stands_in[lines]
-    ends = np.unique(np.sort(ends[ends[:, 0] != ends[:, 1]], axis=1), axis=0)
     names = [str(name) for name in line_of_sight["point"].values[few.kept]]
-    return data | {"lines": _integers(ends), "names": names} | _few(few, point)
+    return data | {"lines": _integers(few.joined(lines)), "names": names} | _few(few, point)
 
 
 def _of_nodes(vectors: NDArray, kept: NDArray) -> NDArray:

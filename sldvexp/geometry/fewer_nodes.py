@@ -35,6 +35,12 @@ class FewerNodes(NamedTuple):
     stands_in: IndexArray
     triangles: IndexArray
 
+    def joined(self, lines: IndexArray) -> IndexArray:
+        """Join the nodes that stay as those were that they stand for, each pair once."""
+        ends = self.stands_in[lines]
+        pairs = np.unique(np.sort(ends[ends[:, 0] != ends[:, 1]], axis=1), axis=0)
+        return pairs if len(self.kept) < len(self.stands_in) else lines
+
 
 def fewer_nodes(position: Array, triangles: IndexArray, most: int) -> FewerNodes:
     """Choose nodes for all others; all of them if there are no more than wanted.
