@@ -19,6 +19,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import chain
 from pathlib import Path
+from typing import overload
 
 import numpy as np
 
@@ -35,6 +36,36 @@ MISSING |= {"1.#qnan", "-1.#ind", "nan(ind)"}
 COORDINATES = f"x_U, y_U, z_U with U one of {', '.join(LengthUnit.__members__)}"
 
 
+class EvenRows(Sequence[tuple[str, ...]]):
+    """Rows that have as many cells as there are columns, one cell after the other.
+
+    A million of them are a list, where tuples would be a million.
+
+    Parameters
+    ----------
+    cells : list of str
+    columns : int
+    """
+
+    def __init__(self, cells: list[str], columns: int) -> None:
+        self.cells, self.columns = cells, columns
+
+    def __len__(self) -> int:
+        return len(self.cells) // self.columns
+
+    @overload
+    def __getitem__(self, row: int) -> tuple[str, ...]: ...
+
+    @overload
+    def __getitem__(self, row: slice) -> list[tuple[str, ...]]: ...
+
+    def __getitem__(self, row: int | slice) -> tuple[str, ...] | list[tuple[str, ...]]:
+        if isinstance(row, slice):
+            return [self[k] for k in range(*row.indices(len(self)))]
+        first = self.columns * range(len(self))[row]
+        return tuple(self.cells[first : first + self.columns])
+
+
 @dataclass(frozen=True, eq=False)
 class TextTable:
     """Named columns of text, and the lines that their rows stand on.
@@ -43,7 +74,7 @@ class TextTable:
     ----------
     lines : list of int
         Of the header, if there is one, and of the rows.
-    rows : list of tuple of str
+    rows : sequence of tuple of str
         Cells without blanks around them, the numbers among them with decimal points.
     comments : list of (int, str)
         With the numbers of their lines.
@@ -51,8 +82,8 @@ class TextTable:
 
     path: Path
     header: list[str]
-    lines: list[int]
-    rows: list[tuple[str, ...]]
+    lines: Sequence[int]
+    rows: Sequence[tuple[str, ...]]
     comments: list[tuple[int, str]] = field(default_factory=list)
 
     def __repr__(self) -> str:
@@ -96,11 +127,13 @@ class TextTable:
     @cached_property
     def _columns(self) -> list[list[str]]:
         count = len(self.header)
-        for i in np.flatnonzero(np.fromiter(map(len, self.rows), int) != count):
+        if isinstance(self.rows, EvenRows):
+            return [self.rows.cells[k::count] for k in range(count)]
+        for i in np.flatnonzero(np.fromiter(map(len, self.rows), int) != count).tolist():
             row = self.rows[i]
             if any("\n" in cell for cell in row):
                 raise UserError(f"{self.path}: is not a CSV table; is a quotation mark left open?")
-            raise UserError(f"{self.where(int(i))}: has {len(row)} values under {count} columns")
+            raise UserError(f"{self.where(i)}: has {len(row)} values under {count} columns")
         cells = list(chain.from_iterable(self.rows))
         return [cells[k::count] for k in range(count)]
 
@@ -212,8 +245,12 @@ def read_table(path: Path, inline_comments: bool = False) -> TextTable:
     ]
     if inline_comments and comments:
         text = "\n".join(line.partition("#")[0] for line in text.splitlines())
+    delimiter = _delimiter(text)
+    if even := _even_rows(text, delimiter):
+        table = TextTable(path, *even)
+        return table if delimiter == "," else replace(table, rows=_with_points(table))
     each = (f"{line}\n" for line in text.split("\n"))
-    reader = csv.reader(each, delimiter=_delimiter(text), skipinitialspace=True)
+    reader = csv.reader(each, delimiter=delimiter, skipinitialspace=True)
     lines: list[int] = []
     rows: list[tuple[str, ...]] = []  # tuples, which cost the collector of garbage nothing
     try:
@@ -236,6 +273,35 @@ DIGITS_AND_SIGNS = b"0123456789+-.eE"
 WITH_COMMA = re.compile(r"[+-]?([0-9]+,[0-9]*|,[0-9]+)([eE][+-]?[0-9]+)?")
 
 
+#: What a text has that must be read cell by cell: quotation, comments, blanks, empty lines.
+UNEVEN = ('"', "#", " ", "\r", "\v", "\f", "\n\n")
+
+
+def _even_rows(text: str, delimiter: str) -> tuple[list[str], range, EvenRows] | None:
+    """Split a text at once whose lines have as many plain cells as the header.
+
+    Returns
+    -------
+    tuple or None
+        Header, numbers of the lines and rows; None of a text that is not so simple.
+    """
+    odd = [*UNEVEN, "\n" + delimiter, *("\t" if delimiter != "\t" else "")]
+    if not text.isascii() or text.startswith((delimiter, "\n")) or any(o in text for o in odd):
+        return None
+    text = text.removesuffix("\n")
+    header = text.partition("\n")[0].split(delimiter)
+    raw = np.frombuffer(f"{text}\n".encode(), np.uint8)
+    ends = raw[(raw == ord(delimiter)) | (raw == ord("\n"))] == ord("\n")
+    columns = len(header)
+    if len(ends) % columns or not text:
+        return None
+    lines = ends.reshape(-1, columns)
+    if lines[:, :-1].any() or not lines[:, -1].all():
+        return None
+    cells = text.replace("\n", delimiter).split(delimiter)
+    return header, range(1, len(lines) + 1), EvenRows(cells[columns:], columns)
+
+
 def _delimiter(text: str) -> str:
     """Find the delimiter that the header has most of."""
     lines = (line.strip(" ") for line in text.splitlines())
@@ -243,7 +309,7 @@ def _delimiter(text: str) -> str:
     return max(DELIMITERS, key=header.count)
 
 
-def _with_points(table: TextTable) -> list[tuple[str, ...]]:
+def _with_points(table: TextTable) -> Sequence[tuple[str, ...]]:
     """Write decimal points for the decimal commas of a table.
 
     Raises

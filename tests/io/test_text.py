@@ -9,7 +9,7 @@ import pytest
 
 from sldvexp.errors import UserError
 from sldvexp.files import decoded, read_text, with_check_line
-from sldvexp.io import read_centres, read_points, read_table
+from sldvexp.io import read_centres, read_points, read_table, tables
 from sldvexp.io.registration import read as read_registration
 from sldvexp.io.tables import plain_cells
 from sldvexp.io.velocities import read as read_velocities
@@ -148,3 +148,36 @@ def test_units_are_compared_by_their_meaning(kind, name, unit):
 def test_units_of_something_else_are_no_units_of_velocity(name):
     with pytest.raises(UserError, match=r"here: unknown unit .*; .*Valid: inch_per_s, m_per_s"):
         unit_named(VelocityUnit, name, "here")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "a,b\n1,2\n,4\n",
+        "a,b\n1,2\n3\n4,5,6\n",
+        "a,b\n1,2\n\n3,4",
+        "a;b\n1,5;2,5\n3,5;4,5\n",
+        "a,b\r\n1,2\r\n",
+        "a\tb\n1\t2\n",
+        'a,b\n"1",2\n',
+        "a,b\n1, 2\n",
+        "a,b\n",
+        "\n",
+        "a\n1\n",
+    ],
+)
+def test_plain_text_is_read_as_by_the_module_csv(tmp_path, monkeypatch, text):
+    path = tmp_path / "table.csv"
+    path.write_bytes(text.encode())
+    found = read_table(path)
+    monkeypatch.setattr(tables, "_even_rows", lambda *_: None)
+    expected = read_table(path)
+    assert (found.header, list(found.lines), list(found.rows)) == (
+        expected.header,
+        list(expected.lines),
+        list(expected.rows),
+    )
+    if all(len(row) == len(found.header) for row in found.rows):
+        assert [found.column(c) for c in found.header] == [
+            expected.column(c) for c in expected.header
+        ]
