@@ -12,6 +12,7 @@ import pytest
 from sldvexp.errors import UserError
 from sldvexp.field import View
 from sldvexp.field.visibility.coverage import Coverage, require_coverage
+from sldvexp.field.visibility.pose_slopes import PoseSlopes
 from sldvexp.field.visibility.projection import (
     BEHIND,
     FACING_AWAY,
@@ -128,7 +129,8 @@ def test_pose_derivative(offset: float) -> None:
     laser, at, p = replace(LASER, mirror_offset=offset), view(), points(50)
     p[0] = [0.0, 0.0, 9.0]
     seen = project_samples(at, laser, p, None, Interpolation.linear)
-    dac, directions = seen.pose_derivative(at, laser, p)
+    slopes = PoseSlopes.from_points(at, laser, p, seen.dac)
+    dac, directions = (np.moveaxis(by, -1, 0) for by in (slopes.dac(), slopes.directions()))
     assert dac.shape == (50, 2, 6)
     assert directions.shape == (50, 3, 6)
     assert np.isnan(seen.dac[0]).all()

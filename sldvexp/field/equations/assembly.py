@@ -18,8 +18,11 @@ from sldvexp.field.equations.sample_model import SampleContributions
 from sldvexp.field.equations.system import Assembly, NormalEquations
 from sldvexp.field.visibility.coverage import Coverage, require_coverage
 from sldvexp.field.visibility.view import View
+from sldvexp.lazy import scipy
 from sldvexp.typing import Array, BoolArray
 
+#: Columns from which a matrix without blocks is multiplied faster.
+MANY_COLUMNS = 32
 #: Part of a node's samples that must determine something for the node to count as determined.
 SMALLEST_PART = 0.02
 
@@ -105,8 +108,14 @@ def _right_side(part: RegionSamples, data: list[Array]) -> Array:
     shape = part.patch.layers, len(part.patch.nodes), part.model.parameters, data[0].shape[1]
     if not shape[-1]:
         return np.zeros(shape)
-    total = sum(r @ velocity for r, velocity in zip(part.influences, data, strict=True))
+    total = sum(_product(r, velocity) for r, velocity in zip(part.influences, data, strict=True))
     return np.reshape(total, shape)
+
+
+def _product(influence: scipy.sparse.bsr_array, velocity: Array) -> Array:
+    """Multiply ``R v``; as a matrix without blocks many columns are added row by row at once."""
+    rows = influence if velocity.shape[1] < MANY_COLUMNS else influence.tocsr()
+    return np.asarray(rows @ velocity)
 
 
 def pixel_data(views: Sequence[View]) -> list[Array]:
