@@ -158,6 +158,18 @@ def test_pose_derivative(offset: float) -> None:
         np.testing.assert_allclose(directions[1:, :, k], by_direction, atol=1e-8)
 
 
+def test_change_by_the_pose_without_its_parts() -> None:
+    """By `PoseSlopes.change` as by the derivatives of image points and directions."""
+    rng, at, p = np.random.default_rng(4), view(), points(50)
+    dac = project_samples(at, LASER, p, None, Interpolation.linear).dac
+    slopes = PoseSlopes.from_points(at, LASER, p, dac)
+    slope, velocity = rng.normal(size=(2, 3, 50)), rng.normal(size=(3, 3, 50))
+    apart = np.einsum("ics,ijs->jcs", slope, slopes.dac())
+    apart -= np.einsum("ics,ijs->jcs", velocity, slopes.directions())
+    found = slopes.change(slope, velocity)
+    np.testing.assert_allclose(found, apart, rtol=0, atol=1e-13 * np.abs(apart).max())
+
+
 def test_every_reason() -> None:
     at, n = view((0.0, 0.0, 0.0)), 41
     flags = np.zeros((n, n), int)

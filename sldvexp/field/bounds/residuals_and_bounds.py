@@ -185,6 +185,7 @@ def with_bounds(
     determined: BoolArray,
     factor: Array,
     pose: PoseEffect | None,
+    best: LeastVariance | None,
 ) -> FieldBounds:
     """Go through the samples and compute bounds as well.
 
@@ -199,6 +200,8 @@ def with_bounds(
         Each frequency's variance over the mean of all.
     pose : PoseEffect, optional
         None if the poses have no covariance.
+    best : LeastVariance, optional
+        None if it is not known, or that of the method itself.
     """
     visibility, model = parts.visibility, parts.model
     left = Residuals.empty(model, len(data), theta.shape[-1])
@@ -211,7 +214,6 @@ def with_bounds(
         if small
         else NearInverse.from_system(system, rings)
     )
-    best = None if is_best(model) else LeastVariance.from_parts(parts, rings)
     least = np.full((*found.noise.shape[:2], 3), np.nan)
     errors: list[float] = [0.0] if small else []
     for part in parts.overlapping(rings, whole=small):
