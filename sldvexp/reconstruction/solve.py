@@ -154,15 +154,16 @@ def _apply(fit: PointFit, views: Views, points: slice, span: slice, results: _Re
         part = slice(first, min(first + step, len(root)))
         here = slice(span.start + part.start, span.start + part.stop)
         velocity = _as_real(results.velocity[here])
-        done = velocity if alone else product[: part.stop - part.start]
+        whole = product[: part.stop - part.start]
+        done = velocity if alone else whole
         with np.errstate(invalid="ignore"):  # looked at next
             np.matmul(matrix[part], np.swapaxes(_as_real(data[:, part]), 0, 1), out=done)
         if not np.all(np.isfinite(done)):
             views.require_finite(points)
         squares = results.squares[here]
         if not alone:
-            velocity[...] = done[:, :AXES]
-            squares = _sum_of_squares(done[:, parameters:], components, out=squares)
+            velocity[...] = whole[:, :AXES]
+            squares = _sum_of_squares(whole[:, parameters:], components, out=squares)
         size = 1 if fit.std is not None else np.sqrt(squares * per_square[part, None])[:, None]
         std = np.multiply(root[part, :3, None], size, out=results.std[here])
         np.multiply(std, factor[part, None, None], out=results.confidence[here])
