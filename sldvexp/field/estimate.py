@@ -201,7 +201,8 @@ def solve_field(
     """
     check_views(visibility)
     poses = pose_covariance(visibility.views, covariance if errors is None else errors.covariance)
-    fit = FieldFit.from_images(visibility, method, solver, local, pixel_data(visibility.views))
+    data = pixel_data(visibility.views)
+    fit = FieldFit.from_images(visibility, method, solver, local, data, bounds=bounds)
     model, messages = fit.parts.model, fit.messages
     if not bounds:
         left = residuals_only(fit.parts, fit.theta, fit.data)

@@ -13,10 +13,11 @@ from typing import Any
 import numpy as np
 
 from sldvexp.errors import UserError
+from sldvexp.field.bounds.efficiency import LeastVariance, least_variance_model
 from sldvexp.field.bounds.intercept_test import INTERCEPT, InterceptTest
 from sldvexp.field.bounds.pose_uncertainty import PoseEffect
 from sldvexp.field.bounds.residuals_and_bounds import FieldBounds, with_bounds
-from sldvexp.field.equations.assembly import Equations, normal_equations
+from sldvexp.field.equations.assembly import Equations, joint_equations, normal_equations
 from sldvexp.field.equations.regions import RegionIterator
 from sldvexp.field.equations.sample_model import FieldModel
 from sldvexp.field.equations.system import Solve, solution
@@ -47,6 +48,8 @@ class FieldFit:
         Of each view.
     roughly : callable
         As `solve`, for what is told with few digits.
+    best : LeastVariance, optional
+        What bounds are compared with.
     theta : ndarray, shape (layer, surface_node, parameter, column)
     """
 
@@ -57,6 +60,7 @@ class FieldFit:
     solve: Solve
     roughly: Solve
     theta: Array
+    best: LeastVariance | None = None
 
     @classmethod
     def from_images(
@@ -66,8 +70,15 @@ class FieldFit:
         solver: Solver,
         local: bool,
         data: list[Array],
+        *,
+        bounds: bool = True,
     ) -> FieldFit:
         """Set up the equations and solve them.
+
+        Parameters
+        ----------
+        bounds : bool
+            Whether bounds are to come, for which those of the least variance are set up as well.
 
         Raises
         ------
@@ -75,7 +86,13 @@ class FieldFit:
             See `sldvexp.field.estimate.solve_field`.
         """
         parts = RegionIterator(visibility, FieldModel.from_method(method, visibility, local))
-        equations = normal_equations(parts, data)
+        model = least_variance_model(visibility, parts.model) if bounds else None
+        if model is None:
+            equations, best = normal_equations(parts, data), None
+        else:
+            of_best, nothing = parts.with_model(model), [d[:, :0] for d in data]
+            equations, others = joint_equations([parts, of_best], [data, nothing])
+            best = LeastVariance.from_equations(of_best, others)
         hole = nodes_in_holes(visibility.views, visibility.laser, visibility.prisms)
         found = find_undetermined(equations, hole)
         if not found.observable.any():
@@ -86,7 +103,7 @@ class FieldFit:
         equations, solve = factorise(solver, equations, found)
         theta = solution(equations.right, equations.system, solve)
         roughly = solver.roughly(equations.system, solve)
-        return cls(parts, data, equations, found, solve, roughly, theta)
+        return cls(parts, data, equations, found, solve, roughly, theta, best)
 
     @property
     def messages(self) -> list[str]:
@@ -98,7 +115,15 @@ class FieldFit:
         system = self.equations.system
         determined = self.flags.determined.reshape(*system.active.shape, -1)
         return with_bounds(
-            self.parts, system, self.roughly, self.theta, self.data, determined, factor, pose
+            self.parts,
+            system,
+            self.roughly,
+            self.theta,
+            self.data,
+            determined,
+            factor,
+            pose,
+            self.best,
         )
 
     def intercept_test(self, found: FieldBounds, pose: PoseEffect | None) -> InterceptTest | None:

@@ -40,11 +40,16 @@ SYSTEMS_PER_BLOCK = 8192
 #: Real numbers that are multiplied at once: they, the product and the results stay in the cache.
 NUMBERS_PER_STEP = 80_000
 MOST_THREADS = 4
+#: Components of a velocity.
+AXES = 3
 
 
 @dataclass
 class _Results:
-    """Arrays over all systems that the blocks fill; see `PointVelocity`."""
+    """Arrays over all systems that the blocks fill; see `PointVelocity`.
+
+    Standard errors that are the same at all frequencies are there once.
+    """
 
     velocity: NDArray[np.inexact]
     std: Array
@@ -59,20 +64,22 @@ class _Results:
     intercept_std: Array | None
 
     @classmethod
-    def empty(cls, systems: int, frequencies: int, dtype: np.dtype, intercept: bool) -> _Results:
+    def empty(cls, system: PointSystem, systems: int, frequencies: int) -> _Results:
+        views, intercept = system.views, system.intercept
+        dtype, errors = views.velocity.dtype, frequencies if views.std is None else 1
         real = np.empty(0, dtype).real.dtype
         return cls(
             velocity=np.empty((systems, 3, frequencies), dtype),
-            std=np.empty((systems, 3, frequencies), real),
-            confidence=np.empty((systems, 3, frequencies), real),
-            squares=np.empty((systems, frequencies), real),
+            std=np.empty((systems, 3, errors), real),
+            confidence=np.empty((systems, 3, errors), real),
+            squares=np.zeros((systems, frequencies), real),
             expected_squares=np.empty(systems),
             factor=np.empty(systems),
             dof=np.empty(systems),
             rank=np.empty(systems, int),
             observable=np.ones((systems, 3), bool),
             intercept=np.empty((systems, frequencies), dtype) if intercept else None,
-            intercept_std=np.empty((systems, frequencies), real) if intercept else None,
+            intercept_std=np.empty((systems, errors), real) if intercept else None,
         )
 
 
@@ -90,9 +97,7 @@ def solve(views: Views, rows: RowSet, settings: ReconstructionSettings) -> Point
     system = PointSystem(views, rows, settings)
     points, frequencies = views.velocity.shape[1:]
     each = frequencies if views.std_by_frequency else 1  # systems at a point
-    results = _Results.empty(
-        points * each, frequencies // each, views.velocity.dtype, system.intercept
-    )
+    results = _Results.empty(system, points * each, frequencies // each)
     step = max(1, SYSTEMS_PER_BLOCK // each)
 
     def block(start: int) -> None:
@@ -143,17 +148,22 @@ def _apply(fit: PointFit, views: Views, points: slice, span: slice, results: _Re
     expected = results.expected_squares[span]
     per_square = 1 / np.where(expected > 0, expected, np.nan).astype(real)
     step = max(1, NUMBERS_PER_STEP // max(1, data[:, 0].size * components))
+    alone = matrix.shape[1] == AXES  # neither residuals nor intercepts: velocities straight away
     product = np.empty((min(step, len(root)), matrix.shape[1], components * data.shape[2]), real)
     for first in range(0, len(root), step):
         part = slice(first, min(first + step, len(root)))
         here = slice(span.start + part.start, span.start + part.stop)
-        done = product[: part.stop - part.start]
+        velocity = _as_real(results.velocity[here])
+        whole = product[: part.stop - part.start]
+        done = velocity if alone else whole
         with np.errstate(invalid="ignore"):  # looked at next
             np.matmul(matrix[part], np.swapaxes(_as_real(data[:, part]), 0, 1), out=done)
         if not np.all(np.isfinite(done)):
             views.require_finite(points)
-        _as_real(results.velocity[here])[...] = done[:, :3]
-        squares = _sum_of_squares(done[:, parameters:], components, out=results.squares[here])
+        squares = results.squares[here]
+        if not alone:
+            velocity[...] = whole[:, :AXES]
+            squares = _sum_of_squares(whole[:, parameters:], components, out=squares)
         size = 1 if fit.std is not None else np.sqrt(squares * per_square[part, None])[:, None]
         std = np.multiply(root[part, :3, None], size, out=results.std[here])
         np.multiply(std, factor[part, None, None], out=results.confidence[here])
@@ -178,15 +188,20 @@ def _as_real(data: NDArray[np.inexact]) -> NDArray[np.floating]:
 
 def _collect(system: PointSystem, results: _Results, each: int) -> PointVelocity:
     """Bring systems back to points, and say in words what could not be determined."""
-    fold = system.views.fold
+    fold, frequencies = system.views.fold, system.views.velocity.shape[2]
+
+    def spread(array: Array) -> Array:
+        folded = fold(array)
+        return np.broadcast_to(folded, (*folded.shape[:-1], frequencies))
+
     known = system.views.std is not None
     dof = results.dof[::each]
     velocity = PointVelocity(
         velocity=fold(results.velocity),
-        std=fold(results.std),
-        confidence=fold(results.confidence),
+        std=spread(results.std),
+        confidence=spread(results.confidence),
         intercept=None if results.intercept is None else fold(results.intercept),
-        intercept_std=None if results.intercept_std is None else fold(results.intercept_std),
+        intercept_std=None if results.intercept_std is None else spread(results.intercept_std),
         squares=fold(results.squares),
         expected_squares=results.expected_squares[::each],
         dof=dof,

@@ -24,7 +24,8 @@ from sldvexp.reconstruction import Absolute
 
 FULL_SIZE = os.environ.get("SLDVEXP_BENCHMARK") == "1"
 POINTS, FREQUENCIES = (4000, 256) if FULL_SIZE else (200, 8)
-FASTER_THAN_PEER = 20.0
+#: Measured 39, in seconds of the processor.
+FASTER_THAN_PEER = 25.0
 STANDS = np.array([[0.0, -0.5, 1.6], [0.6, 0.5, 1.5], [-0.5, 0.4, 1.5]])
 STD = 1e-6
 
@@ -118,9 +119,9 @@ def test_faster_than_the_peer(
             "ours": lambda: ours(position, seen),
             "peer": lambda: of_peer(combine, position, seen),
         }.items():
-            start = time.perf_counter()
+            start = time.process_time()
             work()
-            took[name] = min(took[name], time.perf_counter() - start)
+            took[name] = min(took[name], time.process_time() - start)
     with capsys.disabled():
         print(f"\n{POINTS} points x 3 views x {FREQUENCIES} frequencies, seconds:")
         print(", ".join(f"{name} {t:.4f}" for name, t in took.items()), end="; ")

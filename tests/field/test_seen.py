@@ -12,6 +12,7 @@ import pytest
 from sldvexp.errors import UserError
 from sldvexp.field import View
 from sldvexp.field.visibility.coverage import Coverage, require_coverage
+from sldvexp.field.visibility.pose_slopes import PoseSlopes
 from sldvexp.field.visibility.projection import (
     BEHIND,
     FACING_AWAY,
@@ -128,7 +129,8 @@ def test_pose_derivative(offset: float) -> None:
     laser, at, p = replace(LASER, mirror_offset=offset), view(), points(50)
     p[0] = [0.0, 0.0, 9.0]
     seen = project_samples(at, laser, p, None, Interpolation.linear)
-    dac, directions = seen.pose_derivative(at, laser, p)
+    slopes = PoseSlopes.from_points(at, laser, p, seen.dac)
+    dac, directions = (np.moveaxis(by, -1, 0) for by in (slopes.dac(), slopes.directions()))
     assert dac.shape == (50, 2, 6)
     assert directions.shape == (50, 3, 6)
     assert np.isnan(seen.dac[0]).all()
@@ -154,6 +156,18 @@ def test_pose_derivative(offset: float) -> None:
         by_direction = (moved[0].directions - moved[1].directions) / (2 * h)
         np.testing.assert_allclose(dac[1:, :, k], by_dac, atol=1e-5 * np.abs(by_dac).max())
         np.testing.assert_allclose(directions[1:, :, k], by_direction, atol=1e-8)
+
+
+def test_change_by_the_pose_without_its_parts() -> None:
+    """By `PoseSlopes.change` as by the derivatives of image points and directions."""
+    rng, at, p = np.random.default_rng(4), view(), points(50)
+    dac = project_samples(at, LASER, p, None, Interpolation.linear).dac
+    slopes = PoseSlopes.from_points(at, LASER, p, dac)
+    slope, velocity = rng.normal(size=(2, 3, 50)), rng.normal(size=(3, 3, 50))
+    apart = np.einsum("ics,ijs->jcs", slope, slopes.dac())
+    apart -= np.einsum("ics,ijs->jcs", velocity, slopes.directions())
+    found = slopes.change(slope, velocity)
+    np.testing.assert_allclose(found, apart, rtol=0, atol=1e-13 * np.abs(apart).max())
 
 
 def test_every_reason() -> None:

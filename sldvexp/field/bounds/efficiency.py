@@ -15,10 +15,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sldvexp.field.bounds.inverse import NearInverse, WholeInverse
-from sldvexp.field.equations.assembly import normal_equations
+from sldvexp.field.bounds.sparse_inverse_rows import rings_of
+from sldvexp.field.equations.assembly import Equations
 from sldvexp.field.equations.regions import RegionIterator, RegionSamples
 from sldvexp.field.equations.sample_model import FieldModel
 from sldvexp.field.equations.undetermined import constrain_undetermined, find_undetermined
+from sldvexp.field.visibility.visibility import VolumeVisibility
 from sldvexp.reconstruction import Absolute, Model, Weights, rows
 from sldvexp.typing import Array
 
@@ -39,35 +41,33 @@ class LeastVariance:
     inverse: WholeInverse | NearInverse
 
     @classmethod
-    def from_parts(cls, parts: RegionIterator, rings: int) -> LeastVariance | None:
-        """Set up its equations; None if a pixel has no noise, which would be trusted beyond all.
-
-        Parameters
-        ----------
-        rings : int
-            Of neighbours that the regions have around their own nodes.
-        """
-        visibility, model = parts.visibility, parts.model
-        views = zip(visibility.views, model.pixel_std, strict=True)
-        if any(np.any(std[view.usable] <= 0) for view, std in views):
-            return None
-        best = replace(model, method=Absolute(), rows=rows.views(visibility.names))
-        nothing = [np.zeros((len(view.dac), 0)) for view in visibility.views]
-        of_best = parts.with_model(best)
-        equations = normal_equations(of_best, nothing)
+    def from_equations(cls, parts: RegionIterator, equations: Equations) -> LeastVariance:
+        """Invert its equations; of a large system their surface alone, without its layers."""
         system, found = equations.system, find_undetermined(equations)
         if len(found.node):
             system = constrain_undetermined(system, found)
         if system.is_small:
-            return cls(of_best, WholeInverse.from_system(system, best.parameters))
-        near = NearInverse.from_system(system, rings)
-        return cls(of_best, replace(near, odd=np.zeros_like(near.odd)))
+            return cls(parts, WholeInverse.from_system(system, parts.model.parameters))
+        near = NearInverse.from_system(system, rings_of(parts.visibility.rule))
+        alone = replace(system, pairs=system.pairs[:0])
+        return cls(parts, replace(near, system=alone, odd=np.zeros_like(near.odd)))
 
     def of_part(self, part: RegionSamples) -> Array:
         """Compute the variance of a part's own nodes, shape (layer, own, component)."""
         same = self.parts.of_region(part)
         variances = [std**2 for std in self.parts.model.pixel_std]
         return self.inverse.of_part(same).variances(same.influences, variances)[0]
+
+
+def least_variance_model(visibility: VolumeVisibility, model: FieldModel) -> FieldModel | None:
+    """Make the model of least variance.
+
+    None if it is the method's own, or a pixel has no noise, which would be trusted beyond all.
+    """
+    views = zip(visibility.views, model.pixel_std, strict=True)
+    if is_best(model) or any(np.any(std[view.usable] <= 0) for view, std in views):
+        return None
+    return replace(model, method=Absolute(), rows=rows.views(visibility.names))
 
 
 def is_best(model: FieldModel) -> bool:

@@ -21,11 +21,17 @@ import numpy as np
 from sldvexp.errors import UserError
 from sldvexp.field.equations.regions import RegionSamples
 from sldvexp.field.streaming.compression import FrequencyModes
-from sldvexp.field.visibility.projection import pose_change
+from sldvexp.field.visibility.pose_slopes import PoseSlopes
+from sldvexp.field.visibility.projection import ViewSamples
 from sldvexp.field.visibility.view import View
 from sldvexp.lazy import xarray as xr
 from sldvexp.pose import EXTRINSICS, INTRINSICS, cross_covariance, label, places
 from sldvexp.typing import Array
+
+#: Samples that stay in the cache, whatever is computed of them.
+SAMPLES_AT_ONCE = 4096
+#: Some samples, their derivatives by a pose, and the change of what a view sees of them.
+Blocks = Iterator[tuple[slice, PoseSlopes, Array]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,13 +89,34 @@ class PoseEffect:
         change : ndarray, shape (sample, 6, mode)
             ``dv - dx . u``.
         """
+        for k, blocks in self._by_view(part, u):
+            change = np.empty((len(u), POSE, u.shape[2]))
+            for here, _, of_some in blocks:
+                change[here] = np.moveaxis(of_some, -1, 0)
+            yield k, change
+
+    def _by_view(self, part: RegionSamples, u: Array) -> Iterator[tuple[int, Blocks]]:
+        """Go through the views, and in each through some samples at a time.
+
+        These are given with their derivatives by the pose, and the change as in `changes`, but of
+        the shape (6, mode, sample).
+        """
         samples, laser = part.samples, part.visibility.laser
         world = np.swapaxes(samples.frame, 1, 2) @ u[:, :3] if part.model.local else u[:, :3]
+        world = np.moveaxis(world, 0, -1).copy()
         views = zip(part.visibility.views, samples.by_view, self.data, strict=True)
-        for k, (view, of_view, data) in enumerate(views):
+
+        def blocks(view: View, of_view: ViewSamples, data: Array) -> Blocks:
+            slope = np.stack([(gradient @ data).T for gradient in of_view.gradient])
+            for first in range(0, len(u), SAMPLES_AT_ONCE):
+                here = slice(first, first + SAMPLES_AT_ONCE)
+                points, dac = samples.position[here], of_view.dac[here]
+                slopes = PoseSlopes.from_points(view, laser, points, dac)
+                yield here, slopes, slopes.change(slope[..., here], world[..., here])
+
+        for k, each in enumerate(views):
             if part.at.pointwise.weight.have(k):
-                slope = np.stack([g @ data for g in of_view.gradient])
-                yield k, pose_change(view, laser, samples.position, of_view.dac, slope, world)
+                yield k, blocks(*each)
 
     def right_sides(self, part: RegionSamples) -> Array:
         """Set up right-hand sides of the derivatives by all poses, ``M dtheta = ...``.
@@ -112,26 +139,32 @@ class PoseEffect:
         nothing_left = at.inverse is not None and len(part.model.rows) == parameters
         if not nothing_left:
             balance = at.pointwise.weight.times(v - at.pointwise.design @ u)
-        for k, change in self.changes(part, u):
-            side = at.estimator[:, :, k, None] * change.reshape(count, 1, -1)
-            if not nothing_left:
-                turn = _turn(part, k)
-                if at.inverse is not None:
-                    turn = at.information * at.inverse[:, :, :3] @ turn
-                for column, left in enumerate(balance[:, k].T):
-                    side[:, : turn.shape[1], column :: len(balance[0, k])] += (
-                        left[:, None, None] * turn
-                    )
-            found[:, :, :, k] = part.patch.to_nodes(side.reshape(count, -1)).reshape(*shape, -1)
+            balance = np.moveaxis(balance, 0, -1).copy()
+        estimator = np.moveaxis(at.estimator, 0, -1)
+        side = np.empty((count, parameters * found.shape[-1]))
+        for k, blocks in self._by_view(part, u):
+            for here, slopes, change in blocks:
+                each = estimator[:, k, None, None, here] * change
+                if not nothing_left:
+                    turn = _turn(part, here, slopes)
+                    each[: len(turn)] += turn[:, :, None] * balance[k, :, here]
+                side[here] = np.moveaxis(each.reshape(side.shape[1], -1), -1, 0)
+            found[:, :, :, k] = part.patch.to_nodes(side).reshape(*shape, -1)
         return found.reshape(*shape, -1)
 
 
-def _turn(part: RegionSamples, k: int) -> Array:
-    """Differentiate a view's directions by its pose, in the components' axes, (sample, 3, 6)."""
-    samples, visibility = part.samples, part.visibility
-    of_view = samples.by_view[k]
-    _, turn = of_view.pose_derivative(visibility.views[k], visibility.laser, samples.position)
-    return samples.frame @ turn if part.model.local else turn
+def _turn(part: RegionSamples, here: slice, slopes: PoseSlopes) -> Array:
+    """Differentiate ``M_s^-1 x`` by the pose, as dx is that of the components' directions.
+
+    Of shape (parameter, 6, sample); M_s is the sample's own matrix where each is solved by itself.
+    """
+    turn, inverse = slopes.directions(), part.at.inverse
+    if part.model.local:
+        turn = np.einsum("sij,jps->ips", part.samples.frame[here], turn)
+    if inverse is not None:
+        weighted = part.at.information[here] * inverse[here, :, :3]
+        turn = np.einsum("sij,jps->ips", weighted, turn)
+    return turn
 
 
 def pose_covariance(views: Sequence[View], joint: Array | None) -> Array | None:

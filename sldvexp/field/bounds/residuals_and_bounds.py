@@ -28,8 +28,8 @@ from sldvexp.field.visibility.view import View
 from sldvexp.field.visibility.visibility import VolumeVisibility
 from sldvexp.typing import Array, BoolArray, IndexArray
 
-#: Columns that are worked on together.
-COLUMNS_AT_ONCE = 16
+#: Columns that are worked on together; more where samples are few, up to so many values a view.
+COLUMNS_AT_ONCE, VALUES_AT_ONCE = 16, 2**17
 
 
 @dataclass(eq=False)
@@ -80,11 +80,12 @@ class Residuals:
         self.view_count += used.sum(axis=0)
         self.row_count += has_row.sum(axis=0)
         samples = len(used) // part.patch.sample_shape[0]
+        columns = max(COLUMNS_AT_ONCE, VALUES_AT_ONCE // samples)
         for gap in range(part.patch.sample_shape[0]):
             here = slice(gap * samples, (gap + 1) * samples)
             weights = [of_view.weights[here] for of_view in part.samples.by_view]
-            for first in range(0, theta.shape[-1], COLUMNS_AT_ONCE):
-                some = slice(first, first + COLUMNS_AT_ONCE)
+            for first in range(0, theta.shape[-1], columns):
+                some = slice(first, first + columns)
                 v = np.stack([w @ d[:, some] for w, d in zip(weights, data, strict=True)], axis=1)
                 u = part.field(theta[..., some], gap)
                 left = (v - part.at.pointwise.design[here] @ u) * used[here, :, None]
@@ -184,6 +185,7 @@ def with_bounds(
     determined: BoolArray,
     factor: Array,
     pose: PoseEffect | None,
+    best: LeastVariance | None,
 ) -> FieldBounds:
     """Go through the samples and compute bounds as well.
 
@@ -198,6 +200,8 @@ def with_bounds(
         Each frequency's variance over the mean of all.
     pose : PoseEffect, optional
         None if the poses have no covariance.
+    best : LeastVariance, optional
+        None if it is not known, or that of the method itself.
     """
     visibility, model = parts.visibility, parts.model
     left = Residuals.empty(model, len(data), theta.shape[-1])
@@ -210,7 +214,6 @@ def with_bounds(
         if small
         else NearInverse.from_system(system, rings)
     )
-    best = None if is_best(model) else LeastVariance.from_parts(parts, rings)
     least = np.full((*found.noise.shape[:2], 3), np.nan)
     errors: list[float] = [0.0] if small else []
     for part in parts.overlapping(rings, whole=small):

@@ -18,8 +18,11 @@ from sldvexp.field.equations.sample_model import SampleContributions
 from sldvexp.field.equations.system import Assembly, NormalEquations
 from sldvexp.field.visibility.coverage import Coverage, require_coverage
 from sldvexp.field.visibility.view import View
+from sldvexp.lazy import scipy
 from sldvexp.typing import Array, BoolArray
 
+#: Columns from which a matrix without blocks is multiplied faster.
+MANY_COLUMNS = 32
 #: Part of a node's samples that must determine something for the node to count as determined.
 SMALLEST_PART = 0.02
 
@@ -64,30 +67,58 @@ def normal_equations(parts: RegionIterator, data: list[Array]) -> Equations:
     UserError
         If a view sees nothing.
     """
-    visibility, model = parts.visibility, parts.model
-    prisms = visibility.prisms
-    assembly = Assembly(parts.graph, visibility.rule, prisms.layers, model.block)
-    shape = (prisms.layers, prisms.surface_nodes, model.parameters)
-    right, ranked, whole = np.zeros((*shape, data[0].shape[1])), np.zeros(shape), np.zeros(shape)
-    rows = samples = 0
-    coverage: list[Coverage] = []
-    for part in parts.disjoint():
+    return joint_equations([parts], [data])[0]
+
+
+def joint_equations(each: Sequence[RegionIterator], data: Sequence[list[Array]]) -> list[Equations]:
+    """Set up the normal equations of several models of the same samples, looked at once."""
+    sums = [EquationSums(parts, of) for parts, of in zip(each, data, strict=True)]
+    for part in each[0].disjoint():
+        for of_model in sums:
+            of_model.add(of_model.parts.of_region(part))
+    return [of_model.equations() for of_model in sums]
+
+
+class EquationSums:
+    """Collects the normal equations of a model, region by region.
+
+    Parameters
+    ----------
+    data : list of ndarray, shape (pixel, column), m/s
+        See `normal_equations`.
+    """
+
+    def __init__(self, parts: RegionIterator, data: list[Array]) -> None:
+        prisms, model = parts.visibility.prisms, parts.model
+        shape = (prisms.layers, prisms.surface_nodes, model.parameters)
+        self.parts, self.data = parts, data
+        self.assembly = Assembly(parts.graph, parts.visibility.rule, prisms.layers, model.block)
+        self.right = np.zeros((*shape, data[0].shape[1]))
+        self.ranked, self.whole = np.zeros(shape), np.zeros(shape)
+        self.rows = self.samples = 0
+        self.coverage: list[Coverage] = []
+
+    def add(self, part: RegionSamples) -> None:
+        """Add the samples of a region."""
         at, nodes = part.at, part.patch.nodes
-        assembly.add(part.patch, at.information)
-        right[:, nodes] += _right_side(part, data)
-        ranked[:, nodes] += part.patch.to_nodes(_ranked(at, model.parameters))
-        whole[:, nodes] += part.patch.to_nodes(np.ones((len(part.samples.position), 1)))
-        rows += int(at.pointwise.rows.sum())
-        samples += int(at.pointwise.kept.sum())
-        each = [
-            Coverage.from_view(v, s)
-            for v, s in zip(visibility.views, part.samples.by_view, strict=True)
-        ]
-        coverage = [a + b for a, b in zip(coverage, each, strict=True)] if coverage else each
-    require_coverage(coverage)
-    ranked /= whole
-    system = assembly.system(ranked[..., 0] >= SMALLEST_PART)
-    return Equations(system, right, ranked, rows, samples, tuple(coverage))
+        self.assembly.add(part.patch, at.information)
+        self.right[:, nodes] += _right_side(part, self.data)
+        self.ranked[:, nodes] += part.patch.to_nodes(_ranked(at, part.model.parameters))
+        self.whole[:, nodes] += part.patch.to_nodes(np.ones((len(part.samples.position), 1)))
+        self.rows += int(at.pointwise.rows.sum())
+        self.samples += int(at.pointwise.kept.sum())
+        seen = zip(part.visibility.views, part.samples.by_view, strict=True)
+        here = [Coverage.from_view(*of_view) for of_view in seen]
+        before = self.coverage
+        self.coverage = [a + b for a, b in zip(before, here, strict=True)] if before else here
+
+    def equations(self) -> Equations:
+        """Finish the equations."""
+        require_coverage(self.coverage)
+        ranked = self.ranked / self.whole
+        system = self.assembly.system(ranked[..., 0] >= SMALLEST_PART)
+        coverage = tuple(self.coverage)
+        return Equations(system, self.right, ranked, self.rows, self.samples, coverage)
 
 
 def right_sides(parts: RegionIterator, data: list[Array]) -> Array:
@@ -105,8 +136,14 @@ def _right_side(part: RegionSamples, data: list[Array]) -> Array:
     shape = part.patch.layers, len(part.patch.nodes), part.model.parameters, data[0].shape[1]
     if not shape[-1]:
         return np.zeros(shape)
-    total = sum(r @ velocity for r, velocity in zip(part.influences, data, strict=True))
+    total = sum(_product(r, velocity) for r, velocity in zip(part.influences, data, strict=True))
     return np.reshape(total, shape)
+
+
+def _product(influence: scipy.sparse.bsr_array, velocity: Array) -> Array:
+    """Multiply ``R v``; as a matrix without blocks many columns are added row by row at once."""
+    rows = influence if velocity.shape[1] < MANY_COLUMNS else influence.tocsr()
+    return np.asarray(rows @ velocity)
 
 
 def pixel_data(views: Sequence[View]) -> list[Array]:

@@ -199,6 +199,8 @@ class RegionIterator:
 
     def of_region(self, part: RegionSamples) -> RegionSamples:
         """Return the same region as another model's part."""
+        if part.model is self.model:
+            return part
         return self._whole if self._fits else part.with_model(self.model)
 
     def disjoint(self) -> Iterator[RegionSamples]:

@@ -7,7 +7,7 @@ variances: images of these stand for the whole, and fit into memory.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,11 +19,16 @@ from sldvexp.errors import UserError
 from sldvexp.field.equations.assembly import real_columns
 from sldvexp.field.streaming.dask import Work
 from sldvexp.field.visibility.view import require_same
+from sldvexp.lazy import scipy
 from sldvexp.lazy import xarray as xr
 from sldvexp.typing import Array, BoolArray
 
 #: Columns up to which each is its own combination.
 FEW = 8
+#: Columns beyond which few modes are looked for first, in so many steps over the columns.
+MANY, MOST_LEADING = 512, 1 / 8
+#: Steps between looks at what is found, and its largest residual over the largest eigenvalue.
+STEPS, EXACT = 16, 1e-14
 #: Part of a column's sum of squares that may be left out even if it is above the noise.
 NEGLIGIBLE = 1e-6
 
@@ -52,22 +57,50 @@ class FrequencyModes:
         noise : ndarray, shape (column,)
             Expected sum of squares of each column's noise.
         """
+        if len(noise) > MANY:
+            total = np.sum([np.einsum("pc,pc->c", d, d) for d in data], axis=0)
+            leading = cls._leading(lambda x: np.sum([d.T @ (d @ x) for d in data], 0), total, noise)
+            if leading is not None:
+                return leading
         return cls.of_gram(np.sum([d.T @ d for d in data], axis=0), noise)
 
     @classmethod
     def of_gram(cls, gram: Array, noise: Array) -> FrequencyModes:
         """Find the modes of data with these products of columns, shape (column, column)."""
-        columns = len(gram)
+        columns, total = len(gram), np.diagonal(gram)
         if columns <= FEW:
             return cls(np.eye(columns))
+        if columns > MANY:
+            leading = cls._leading(lambda x: gram @ x, total, noise)
+            if leading is not None:
+                return leading
         powers, vectors = (part[..., ::-1] for part in np.linalg.eigh(gram))
-        carried = np.cumsum(powers * vectors**2, axis=1)
-        total = np.diagonal(gram)[:, None]
-        enough = np.all(
-            total - carried <= np.maximum(2 * noise[:, None], NEGLIGIBLE * total), axis=0
-        )
-        modes = int(np.argmax(enough)) + 1 if enough.any() else columns
-        return cls(np.ascontiguousarray(vectors[:, :modes].T))
+        return cls(vectors[:, : _enough(powers, vectors, total, noise) or columns].T.copy())
+
+    @classmethod
+    def _leading(
+        cls, times: Callable[[Array], Array], total: Array, noise: Array
+    ) -> FrequencyModes | None:
+        """Find few modes by Lanczos' method, as all of them take the cube of the columns.
+
+        Parameters
+        ----------
+        times : callable
+            Products with the Gram matrix.
+        total : ndarray, shape (column,)
+            Its diagonal.
+
+        Returns
+        -------
+        FrequencyModes, optional
+            None if few are not enough.
+        """
+        start = np.random.default_rng(len(total)).normal(size=len(total))
+        for powers, vectors, residual in _lanczos(times, start, int(MOST_LEADING * len(total))):
+            modes = _enough(powers, vectors, total, noise)
+            if modes and residual[:modes].max() <= EXACT * powers[0]:
+                return cls(vectors[:, :modes].T.copy())
+        return None
 
     def of_part(self, columns: slice) -> FrequencyModes:
         """Keep the same modes of some columns only."""
@@ -86,6 +119,39 @@ class FrequencyModes:
         squares = np.einsum("ic,jc->ijc", self.combination, self.combination)
         modes, columns = self.combination.shape
         return gram.reshape(*gram.shape[:-2], -1) @ squares.reshape(modes**2, columns)
+
+
+def _enough(powers: Array, vectors: Array, total: Array, noise: Array) -> int:
+    """Count the first modes that carry every column but for noise; 0 if all together do not."""
+    carried = np.cumsum(powers * vectors**2, axis=1)
+    accepted = np.maximum(2 * noise, NEGLIGIBLE * total)
+    enough = np.all(total[:, None] - carried <= accepted[:, None], axis=0)
+    return int(np.argmax(enough)) + 1 if enough.any() else 0
+
+
+def _lanczos(
+    times: Callable[[Array], Array], start: Array, most: int
+) -> Iterator[tuple[Array, Array, Array]]:
+    """Find the largest eigenvalues of a matrix G, with vectors and residuals, ever more exactly.
+
+    ``G Q = Q T + b q e^T`` with orthonormal Q and a tridiagonal T, whose vectors s stand for the
+    vectors ``Q s`` of G with the residuals ``b |s_last|``.
+    """
+    q, diagonal, beside = [start / np.linalg.norm(start)], [], []
+    for step in range(1, most + 1):
+        along = times(q[-1])
+        diagonal.append(float(q[-1] @ along))
+        basis = np.array(q)
+        for _ in range(2):  # rounding errors of the first time are gone after the second
+            along = along - (basis @ along) @ basis
+        beside.append(float(np.linalg.norm(along)))
+        exhausted = beside[-1] <= EXACT * max(diagonal)
+        if step % STEPS == 0 or exhausted or step == most:
+            value, s = scipy.linalg.eigh_tridiagonal(diagonal, beside[:-1])
+            yield value[::-1], basis.T @ s[:, ::-1], beside[-1] * np.abs(s[-1, ::-1])
+        if exhausted:
+            return
+        q.append(along / beside[-1])
 
 
 @dataclass(frozen=True, eq=False)

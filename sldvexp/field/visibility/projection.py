@@ -24,7 +24,7 @@ from sldvexp.errors import UserError
 from sldvexp.field.visibility.view import View
 from sldvexp.geometry import Bins
 from sldvexp.image import Interpolation, Interpolator
-from sldvexp.laser import MIRRORS, TwoMirror, direction_cosines, project, project_jacobian
+from sldvexp.laser import MIRRORS, TwoMirror, direction_cosines, project
 from sldvexp.lazy import scipy
 from sldvexp.typing import Array, BoolArray, ComplexArray, IndexArray
 
@@ -81,23 +81,6 @@ class ViewSamples:
         """
         square = np.square(view.std).reshape(len(view.std), -1).mean(axis=1)
         return np.sqrt(self.weights.power(2) @ square)
-
-    def pose_derivative(self, view: View, laser: TwoMirror, points: Array) -> tuple[Array, Array]:
-        """Differentiate the samples' image points and directions by the pose.
-
-        Parameters
-        ----------
-        points : ndarray, shape (sample, 3), m
-            Those that were looked at.
-
-        Returns
-        -------
-        dac : ndarray, shape (sample, 2, 6), steps/rad and steps/m
-        directions : ndarray, shape (sample, 3, 6), 1/rad and 1/m
-            By the rotation vector w of ``R -> exp([w]) R`` and by the origin, the order of
-            `View.covariance`; 0 where `dac` is NaN.
-        """
-        return pose_derivative(view, laser, points, self.dac)
 
 
 def project_samples(
@@ -213,107 +196,6 @@ def sight(view: View, laser: TwoMirror, points: Array) -> ProjectedPoints:
 def to_laser(view: View, points: Array) -> Array:
     """Turn points into the view's laser frame, ``R (P - origin)``, shape (point, 3), m."""
     return points @ view.rotation.T - view.rotation @ view.origin
-
-
-def pose_derivative(view: View, laser: TwoMirror, points: Array, dac: Array) -> tuple[Array, Array]:
-    """Differentiate image points and directions by the pose; see `ViewSamples.pose_derivative`.
-
-    A small rotation w and a displacement t of the origin move a point in the laser frame by
-    ``w x P - R t`` and an angle of slope a there by ``w . (P x a) - t . R' a``. With the beam's
-    direction d in the laser frame, ``D = -R' d`` changes by ``R' (w x d - dd/da da)``.
-    """
-    laser = view.laser(laser)
-    known = _known(dac)
-    in_laser = to_laser(view, points)
-    by_point, _ = project_jacobian(in_laser, laser.mirror_offset)
-    direction, by_angle = beam(project(in_laser, laser.mirror_offset))
-    by_step = angle_slope(laser, np.where(known[:, None], dac, 0.0))
-    p, d, samples = in_laser.T, direction.T, len(points)
-    angle, turned = np.empty((2, 6, samples)), np.empty((3, 6, samples))
-    for i, a in enumerate(np.moveaxis(by_point, 0, -1)):
-        for j, k, m in CYCLES:
-            angle[i, j] = p[k] * a[m] - p[m] * a[k]
-        angle[i, 3:] = -view.rotation.T @ a
-    for i in range(3):
-        turned[i] = by_angle[:, i, 0] * angle[0] + by_angle[:, i, 1] * angle[1]
-    for j, k, m in CYCLES:
-        turned[k, j] += d[m]
-        turned[m, j] -= d[k]
-    by_pose = (-view.rotation.T @ turned.reshape(3, -1)).reshape(turned.shape)
-    each = angle / by_step.T[:, None], by_pose
-    dac_by_pose, directions_by_pose = (
-        np.moveaxis(np.where(known, e, 0.0), -1, 0).copy() for e in each
-    )
-    return dac_by_pose, directions_by_pose
-
-
-def pose_change(
-    view: View, laser: TwoMirror, points: Array, dac: Array, slope: Array, velocity: Array
-) -> Array:
-    """Differentiate ``v - D . u`` of samples by the pose, without the derivatives of v and D apart.
-
-    By `pose_derivative` the angles a change by ``da = A (w x P - R t)`` and D by
-    ``R' (w x d) - R' dd``. With ``c = R u``, ``f = dv/da + (dd/da)' c`` and ``g = A' f`` this is
-    ``w . (P x g - d x c) - t . R' g``.
-
-    Parameters
-    ----------
-    slope : ndarray, shape (2, sample, column)
-        Of the image's velocity v by the DAC steps.
-    velocity : ndarray, shape (sample, 3, column)
-        u, in world axes.
-
-    Returns
-    -------
-    ndarray, shape (sample, 6, column)
-        By the rotation vector w and the origin t; 0 where `dac` is NaN.
-    """
-    laser = view.laser(laser)
-    known = _known(dac)
-    in_laser = to_laser(view, points)
-    by_point, _ = project_jacobian(in_laser, laser.mirror_offset)
-    direction, by_angle = beam(project(in_laser, laser.mirror_offset))
-    by_step = angle_slope(laser, np.where(known[:, None], dac, 0.0))
-    c = np.moveaxis(view.rotation @ velocity, 1, 0)
-    f = [
-        slope[i] / by_step[:, i, None] + sum(by_angle[:, j, i, None] * c[j] for j in range(3))
-        for i in range(2)
-    ]
-    g = [by_point[:, 0, j, None] * f[0] + by_point[:, 1, j, None] * f[1] for j in range(3)]
-    p, d = in_laser.T[..., None], direction.T[..., None]
-    change = np.empty((len(points), 6, slope.shape[2]))
-    for j, k, m in CYCLES:
-        change[:, j] = p[k] * g[m] - p[m] * g[k] - d[k] * c[m] + d[m] * c[k]
-        change[:, 3 + j] = -sum(view.rotation[i, j] * g[i] for i in range(3))
-    change[~known] = 0.0
-    return change
-
-
-def _known(dac: Array) -> BoolArray:
-    """Tell which points have an image point."""
-    return np.asarray(np.isfinite(dac[:, 0]) & np.isfinite(dac[:, 1]))
-
-
-def beam(angles: Array) -> tuple[Array, Array]:
-    """Compute beam directions in the laser frame and their derivatives by the angles.
-
-    Parameters
-    ----------
-    angles : ndarray, shape (point, 2), rad
-
-    Returns
-    -------
-    direction : ndarray, shape (point, 3)
-        ``(sin lr, cos lr sin ud, cos lr cos ud)``, the unit vector of `sldvexp.laser.model.rays`.
-    by_angle : ndarray, shape (point, 3, 2), 1/rad
-    """
-    sine_ud, sine_lr = np.moveaxis(np.sin(angles), -1, 0)
-    cosine_ud, cosine_lr = np.moveaxis(np.cos(angles), -1, 0)
-    zero = np.zeros_like(sine_ud)
-    direction = np.stack([sine_lr, cosine_lr * sine_ud, cosine_lr * cosine_ud], axis=-1)
-    by_ud = np.stack([zero, cosine_lr * cosine_ud, -cosine_lr * sine_ud], axis=-1)
-    by_lr = np.stack([cosine_lr, -sine_lr * sine_ud, -sine_lr * cosine_ud], axis=-1)
-    return direction, np.stack([by_ud, by_lr], axis=-1)
 
 
 def angle_slope(laser: TwoMirror, dac: Array) -> Array:
