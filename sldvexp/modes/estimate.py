@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sldvexp import dataset
-from sldvexp.dataset import Finding
+from sldvexp.dataset import MODAL_IMAGES, Finding
 from sldvexp.lazy import xarray as xr
 from sldvexp.modes.base import ModalFit, ModalMethod
 from sldvexp.modes.collinearity import PhaseSums
@@ -20,8 +20,6 @@ from sldvexp.statistics import chi_square_p_value
 from sldvexp.typing import Array
 
 PARTS = ("real", "imaginary")
-#: Names of the groups of modal images begin so, as ``modes/image/front``.
-MODAL_IMAGES = "modes/image/"
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,6 +104,9 @@ def estimate_modes(images: Mapping[str, xr.Dataset], method: ModalMethod) -> Mod
         sums += PhaseSums.of(modal.velocity[used], modal.std[used])
         quality += LineSums.of(modal, used)
     modes = _modes(fit, responses, projection, sums, quality)
+    if responses.reference is not None:
+        first = next(iter(images.values()))["reference_amplitude"]
+        modes["reference"].attrs |= {k: first.attrs[k] for k in ("units",) if k in first.attrs}
     told = list(findings_about(modes, fit.responses))
     return ModalEstimate(fit, projection, modes, found, told)
 
@@ -146,8 +147,9 @@ def _modes(
     natural, damping = _natural(fit)
     count, candidates = len(fit.pole), fit.stabilisation
     relative = np.sqrt(np.diag(fit.covariance))
-    scale, scale_std = None, None
+    scale, scale_std, reference = None, None, None
     if responses.reference is not None:
+        reference = responses.nominal
         scale = sums.rms() / responses.nominal
         scale_std = scale * np.hypot(np.diag(mixing[0]), sums.rms_relative_std())
     size = np.abs(candidates.pole)
@@ -176,6 +178,7 @@ def _modes(
         complexity=sums.complexity(),
         complexity_std=sums.complexity_std(),
         phase=sums.phase(),
+        reference=reference,
         modal_scale=scale,
         modal_scale_std=scale_std,
         misfit=fit.chi_square / fit.dof,
