@@ -95,7 +95,7 @@ def test_bounds_cover_the_truth(stepped, trials, pointing):
     rng, part = np.random.default_rng(1), mesh(STEPPED)
     square, inside, alarms = [], [], 0
     for _ in range(trials):
-        found = solve(scanned(part, stepped, rng, pointing=pointing))
+        found = solve(scanned(part, stepped, rng, pointing=pointing), hysteresis=0.0)
         pose, away = found.pose.isel(view=0), error(found)
         square.append(away @ np.linalg.solve(pose["covariance"].values, away))
         inside.append(np.abs(away[3:]) <= pose["origin_confidence"].values)
@@ -105,6 +105,23 @@ def test_bounds_cover_the_truth(stepped, trials, pointing):
     share = np.mean(inside)
     assert abs(share - 0.95) < 4 * np.sqrt(0.05 * 0.95 / trials)
     assert alarms <= 1 + 0.01 * trials + 4 * np.sqrt(0.01 * trials)
+
+
+@pytest.mark.parametrize("trials", [10, pytest.param(200, marks=pytest.mark.long)])
+def test_edges_that_hysteresis_displaces_alike_are_in_the_bounds(stepped, trials):
+    rng, part, hysteresis = np.random.default_rng(9), mesh(STEPPED), 2e-5
+    square, without = [], []
+    for _ in range(trials):
+        group = scanned(part, stepped, rng)
+        along = group["direction"].values
+        lag = hysteresis / 2 * rng.standard_normal() * np.sign(along) / LASER.step
+        group["dac"][:] += lag
+        for told, found in ((hysteresis, square), (0.0, without)):
+            pose = solve(group, hysteresis=told)
+            away = error(pose)
+            found.append(away @ np.linalg.solve(pose.pose["covariance"].values[0], away))
+    assert abs(np.mean(square) - 6) < 4 * np.sqrt(2 * 6 / trials) + 0.4
+    assert np.mean(without) > 2 * np.mean(square)
 
 
 def test_pointing_noise_is_estimated(stepped):
