@@ -29,6 +29,7 @@ from hydra.core.config_search_path import ConfigSearchPath
 
 from sldvexp import dataset, writing
 from sldvexp.cli import commands, main
+from sldvexp.cli.command import DONE, MISSED, Command, hydra_raises
 from sldvexp.config.cached_loader import Memory, RememberingLoader
 from sldvexp.config.paths import conf_dir
 from sldvexp.instrument import connection
@@ -188,13 +189,13 @@ def run_once(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
 
 def run_here(folder: Path, *words: str, pages: bool) -> None:
     """Run the command in this process, quietly; expectations may be missed."""
-    command = main.Command([*words, f"hydra.run.dir={folder}"], full_error=True, quiet=True)
+    command = Command([*words, f"hydra.run.dir={folder}"], full_error=True, quiet=True)
     with handlers_kept(), chdir(folder.parent), pytest.MonkeyPatch.context() as patch:
         patch.setattr(sys, "argv", ["sldvexp"])
         for name, make in PAGES.items() if pages else ():
             patch.setattr(Html, name, make)
-        with main.hydra_raises():
-            assert command.run() in (main.DONE, main.MISSED)
+        with hydra_raises():
+            assert command.run() in (DONE, MISSED)
 
 
 @pytest.fixture
