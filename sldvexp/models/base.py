@@ -124,14 +124,14 @@ class ModelParameter:
         Relative change of the frequencies by a relative change of it, d ln f / d ln value: one
         number for all modes, or one a mode of the model. E, rho and thickness need none: 0.5, -0.5
         and, of bending of thin structures, 1.
-    varied : VariedModel, optional
+    varied : VariedModel
         Instead: a file with another value of it, whose frequencies tell the sensitivity.
     """
 
     value: float = 1.0
     tolerance: float = 0.0
     sensitivity: list[float] = field(default_factory=list)
-    varied: VariedModel | None = None
+    varied: VariedModel = field(default_factory=VariedModel)
 
 
 @dataclass
@@ -155,7 +155,7 @@ class ModelSource(ABC):
     discretisation : list of float
         Relative standard uncertainty of the frequencies from the mesh: one for all modes, or one a
         mode of the model.
-    drive : DrivePoint, optional
+    drive : DrivePoint
         Force that drives the structure, from which modal masses follow.
     pair_above : float
         MAC from which a measured mode and one of the model are a pair.
@@ -169,7 +169,7 @@ class ModelSource(ABC):
     parameters: dict[str, ModelParameter] = field(default_factory=dict)
     adjust: dict[str, float] = field(default_factory=dict)
     discretisation: list[float] = field(default_factory=list)
-    drive: DrivePoint | None = None
+    drive: DrivePoint = field(default_factory=DrivePoint)
     pair_above: float = 0.5
     confidence: float = 0.95
 
@@ -178,8 +178,7 @@ class ModelSource(ABC):
         self.frame.check(checks, "frame")
         checks.probability("pair_above", self.pair_above)
         checks.probability("confidence", self.confidence)
-        if self.drive is not None:
-            self.drive.check(checks, "drive")
+        self.drive.check(checks, "drive")
         for value in self.discretisation:
             checks.non_negative("discretisation", value)
         for name, parameter in self.parameters.items():
@@ -197,13 +196,13 @@ class ModelSource(ABC):
         checks.positive(f"{where}.value", parameter.value)
         checks.non_negative(f"{where}.tolerance", parameter.tolerance)
         varied = parameter.varied
-        known = bool(parameter.sensitivity) or name in BENDING or varied is not None
+        known = bool(parameter.sensitivity) or name in BENDING or bool(varied.path)
         message = "must be given, as in [0.5]: how the frequencies change with it"
         checks.require(known, f"{where}.sensitivity", message)
-        if varied is None:
+        if not varied.path:
+            checks.require(not varied.value, f"{where}.varied.path", "must name a file")
             return
         checks.positive(f"{where}.varied.value", varied.value)
-        checks.require(bool(varied.path), f"{where}.varied.path", "must name a file")
         twice = bool(parameter.sensitivity)
         checks.require(not twice, f"{where}.sensitivity", "is told by varied; give one of them")
         if parameter.value > 0 and varied.value > 0:
@@ -230,6 +229,14 @@ class ModelSource(ABC):
     @abstractmethod
     def read(self) -> FiniteElementModel:
         """Give the model in its own axes, in m."""
+
+    def check_further(self, model: FiniteElementModel) -> None:  # noqa: B027
+        """Complain about settings that do not fit the model, before anything is measured.
+
+        Raises
+        ------
+        UserError
+        """
 
     def model(self) -> FiniteElementModel:
         """Give the model in the world, with its thickness."""

@@ -174,6 +174,6 @@ def examine_model(
         modes,
         source.confidence,
     )
-    if source.drive is None or found.shapes_rejected or "reference" not in modes:
+    if not source.drive.known or found.shapes_rejected or "reference" not in modes:
         return found
     return replace(found, masses=modal_masses(model, tests, modes, source.drive))

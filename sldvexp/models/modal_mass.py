@@ -35,7 +35,7 @@ class DrivePoint:
     Parameters
     ----------
     point : list of 3 float, m
-        Where it acts, in the world.
+        Where it acts, in the world; empty if no force is known.
     point_std : float, m
         Standard uncertainty along the surface.
     direction : list of 3 float
@@ -52,8 +52,15 @@ class DrivePoint:
     force: float = 1.0
     force_std: float = 0.0
 
+    @property
+    def known(self) -> bool:
+        """True if it is said where the force acts."""
+        return bool(self.point)
+
     def check(self, checks: Checks, name: str) -> None:
         """Note under `name` what no force can be."""
+        if not self.known and self == DrivePoint():
+            return
         for key in ("point", "direction"):
             values = getattr(self, key)
             checks.require(len(values) == 3, f"{name}.{key}", f"must be 3 numbers, not {values}")

@@ -58,7 +58,7 @@ class ModelFile(ModelSource):
 
     def inputs(self) -> list[str]:
         """See `ModelSource`."""
-        varied = [p.varied.path for p in self.parameters.values() if p.varied is not None]
+        varied = [p.varied.path for p in self.parameters.values() if p.varied.path]
         return [self.path, *filter(None, (self.shapes, self.coarser)), *varied]
 
     def read(self) -> FiniteElementModel:
@@ -68,15 +68,20 @@ class ModelFile(ModelSource):
             locate(self.path), self.unit.value, shapes, self.frequencies, self.containing
         )
 
+    def check_further(self, model: FiniteElementModel) -> None:
+        """See `ModelSource`: its further files are read, and lists counted."""
+        self.sensitivities(model)
+        self.discretisation_of(model)
+
     def sensitivities(self, model: FiniteElementModel) -> dict[str, Array]:
         """See `ModelSource`; of parameters with a file of another value, from that."""
         found = {}
         for name, p in self.parameters.items():
-            if p.varied is None:
-                found[name] = self.given_sensitivity(name, p, model)
-            else:
+            if p.varied.path:
                 other = self._other(p.varied.path)
                 found[name] = sensitivity_of(self.read(), other, p.varied.value / p.value)
+            else:
+                found[name] = self.given_sensitivity(name, p, model)
         return found
 
     def discretisation_of(self, model: FiniteElementModel) -> Array:

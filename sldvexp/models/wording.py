@@ -140,7 +140,7 @@ def _about_frequencies(found: ExaminedModel) -> Iterator[Finding]:
             "model_frequencies_open",
             f"its frequencies are {100 * test.common:+.3g} % beside those measured, which is not "
             "judged, because nothing is said of how well it is known (model.parameters with a "
-            "tolerance, model.discretisation)",
+            "tolerance, model.coarser or model.discretisation)",
             size=test.common,
         )
         return

@@ -218,7 +218,8 @@ def _model_in_place(run: Run) -> None:
     try:
         model = e.model.model()
         models.placing.check_place(model, run.tree)
-        if e.model.drive is not None:
+        e.model.check_further(model)
+        if e.model.drive.known:
             models.modal_mass.motion_at(model, e.model.drive)
     except UserError as error:
         raise UserError(f"model: {error}") from None

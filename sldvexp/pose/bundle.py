@@ -157,6 +157,11 @@ class Bundle(RegistrationFiles, PoseMethod):
         checks.require(three, "frame", f"must be three different points, not {self.frame}")
         checks.done()
 
+    @property
+    def known_lengths(self) -> list[Distance | MeasuredRange]:
+        """Distances and ranges, in this order."""
+        return [*self.distances, *self.ranges]
+
     def estimate(
         self, laser: TwoMirror | None, target: Target | None, tree: Mapping[str, xr.Dataset]
     ) -> PoseResult:
@@ -275,7 +280,7 @@ class Network:
         rough = np.zeros((len(number), 3))
         for t in reversed(tables):
             rough[np.searchsorted(number, t.number)] = t.object_point
-        known: list[Distance | MeasuredRange] = [*method.distances, *method.ranges]
+        known = method.known_lengths
         length, std = (
             np.array([getattr(d, key) * d.unit.value for d in known]) for key in ("length", "std")
         )
@@ -525,7 +530,7 @@ def _ambiguous(
 def _notes(method: Bundle, network: Network) -> Iterator[str]:
     """Say what the scale and the axes rest on."""
     std = 1 / np.sqrt(np.sum((network.sightings.length / network.sightings.length_std) ** 2))
-    if any(d.std for d in method.distances) or any(r.std for r in method.ranges):
+    if any(d.std for d in method.known_lengths):
         yield f"the known distances give the scale to {100 * std:.2g} %"
     if method.frame:
         one, other, third = method.frame

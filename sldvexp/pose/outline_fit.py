@@ -6,7 +6,9 @@ rough pose's error to a few scales, finds the pose that most edges agree with; e
 cutoff are left out, and the rest is solved by least squares, with the covariance ``(J'WJ)^-1``. An
 edge errs as the fit of its profile states and, besides, by the mirrors' pointing, alike for all
 edges: its variance p^2 is that which makes ``sum r^2 / (std^2 + p^2)`` as large as the degrees of
-freedom, and none if the sum is smaller without it. Errors are taken as independent and normal.
+freedom, and none if the sum is smaller without it. Errors are taken as independent and normal, but
+for hysteresis: all lines come out of the part, so that it displaces all edges outwards or inwards,
+as a part further away or nearer would, and no residual shows it.
 """
 
 from __future__ import annotations
@@ -274,6 +276,21 @@ def _step(rows: Array, right: Array) -> Array:
     matrix += DAMPING * np.trace(matrix) * np.eye(6)
     step = np.linalg.solve(matrix, rows.T @ right)
     return np.asarray(step * min(1.0, LONGEST / float(np.abs(step).max() + ROUNDING)))
+
+
+def of_hysteresis(
+    part: PartOutline, edges: OutlineEdges, laser: TwoMirror, fit: OutlineFit, hysteresis: float
+) -> Array:
+    """Compute what hysteresis, rad, adds to the covariance of a pose, shape (6, 6).
+
+    Half of it, on each mirror that a line moves, is one standard deviation of a shift of all edges.
+    """
+    reach = REACH * float(np.ptp(edges.point, axis=0).max())
+    _, jacobian = _residuals(part, edges, laser, (fit.rotation, fit.origin), reach)
+    used, std = fit.used, fit.std[fit.used]
+    shift = hysteresis / 2 * np.sum(np.abs(edges.direction[used]) / laser.step, axis=1)
+    moved = fit.covariance @ (jacobian[used] / std[:, None]).T @ (shift / std)
+    return np.outer(moved, moved)
 
 
 def _covariance(rows: Array) -> Array:

@@ -33,6 +33,7 @@ from sldvexp.pose.outline_fit import (
     fit_outline,
     half_turns,
     lack_of_fit,
+    of_hysteresis,
     root_mean_square,
     shows,
 )
@@ -87,16 +88,21 @@ class Part(PartMesh, PoseMethod):
     views : dict of str to KnownPose
         Rough poses of views whose velocity images (``scan=rectangle``) show the whole part before
         something that rests, in place of scanned outlines.
+    hysteresis : float, rad
+        By how much the angles differ that a mirror takes at one step from the two sides. Lines out
+        of the part come from one side alone, so that the bounds have to be told of it.
     confidence : float
         Level of the intervals.
     """
 
     views: dict[str, KnownPose] = field(default_factory=dict)
+    hysteresis: float = 5e-6
     confidence: float = 0.95
 
     def __post_init__(self) -> None:
         checks = Checks()
         checks.probability("confidence", self.confidence)
+        checks.non_negative("hysteresis", self.hysteresis)
         if self.views:
             self.check_mesh(checks)
         for name, pose in self.views.items():
@@ -113,7 +119,12 @@ class Part(PartMesh, PoseMethod):
         failed: dict[str, UserError] = {}
         for view, group in groups.items():
             try:
-                one = _solved(view, group, self._part(view, group), laser)
+                part = self._part(view, group)
+                one = _solved(view, group, part, laser)
+                if not self.views:  # a raster's edges are known to a pixel at best
+                    more = of_hysteresis(part, one.edges, laser, one.fit, self.hysteresis)
+                    fit = one.fit._replace(covariance=one.fit.covariance + more)
+                    one = replace(one, fit=fit)
                 solved[view] = replace(one, raster=bool(self.views))
             except UserError as error:
                 failed[view] = error

@@ -36,6 +36,16 @@ def test_right_model_is_accepted(sldvexp):
         ("model.path=conf://data/tutorial_front.uff", "states coordinates in units of 0.001 m"),
         ("model.containing=nothing", "has nodes and elements but no mode shapes"),
         ("model.adjust={Young: 0.0}", "adjust.Young: no such parameter; Valid: E, nu, rho"),
+        ("model.coarser=none.uff", "none.uff: there is no such file"),
+        ("model.coarser=conf://data/plate_model.uff", "plate_model.uff: its elements are 1 times"),
+        (
+            "model.parameters.nu.sensitivity=[0.1,0.2]",
+            "parameters.nu.sensitivity: has 2 numbers; give one, or one for each of the model's 6",
+        ),
+        (
+            "model.drive={point: [0.0, 0.0, 0.0]}",
+            "drive.point: the force acts beside the model: no surface lies along",
+        ),
         ("model.parameters.E.value=0", "model.parameters.E.value must be a positive number"),
         ("model.frame.origin=[0.42]", "model.frame.origin must be 3 numbers, not 1"),
         ("~modal", "model: needs the modes of the structure to be tested; choose modal=own"),
