@@ -12,10 +12,10 @@ import numpy as np
 from rich.markup import escape
 from rich.table import Table
 
+from sldvexp import plot
 from sldvexp.dataset import FREQUENCY, VARIABLES, RunData, is_void
 from sldvexp.field.bounds.budget import SOURCES
 from sldvexp.lazy import xarray as xr
-from sldvexp.plot import hottest_places, strains_of
 from sldvexp.report.key_numbers import on_surface, surface_name
 from sldvexp.report.numbers import number, with_bound
 
@@ -250,7 +250,7 @@ def _share(variance: float, total: float) -> str:
 
 def strain_tables(run: RunData) -> Iterator[Table]:
     """Make tables of the strain's components and of the hot spots, of every strain there is."""
-    for name, strain in strains_of(run).items():
+    for name, strain in plot.strains_of(run).items():
         of = "" if name == "field" else f" by {escape(name)}"
         yield strain_table(strain, strongest(strain, "strain"), of)
         yield hot_spot_table(strain, strongest(strain, "strain"), of)
@@ -310,7 +310,7 @@ def hot_spot_table(strain: xr.Dataset, frequencies: Sequence[float], of: str = "
     table = Table(*columns, title=title, title_justify="left")
     for hertz in frequencies:
         one = _at(strain, hertz)
-        for spot, place in enumerate(hottest_places(one), start=1):
+        for spot, place in enumerate(plot.hottest_places(one), start=1):
             here = one.isel(place=place)
             cells = [str(spot), "" if np.isnan(hertz) else f"{hertz:g}"]
             places = (here[name].values + 0.0 for name in ("position", "coordinate"))

@@ -20,10 +20,11 @@ from sldvexp.scan import Scan, ScanPart
 from sldvexp.scan.base import PersonPart
 from sldvexp.scan.calibration import CalibrationScan
 from sldvexp.session.by_person import joined, record_marks, record_spots
-from sldvexp.session.camera import Camera, Operator, ViewContext, ViewSkipped
+from sldvexp.session.camera import Camera, ViewContext, ViewSkipped
 from sldvexp.session.circles import circle_lines, scan_calibration
 from sldvexp.session.images import image_lines, scan_image
 from sldvexp.session.journal import Journal, require_same
+from sldvexp.session.operator import Operator
 from sldvexp.session.outline import outline_lines, scan_outline
 from sldvexp.session.watching import PartAhead, ViewAhead, Watcher
 

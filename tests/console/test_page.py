@@ -27,6 +27,7 @@ CanvasRenderingContext2D.prototype.fillText = function (text, ...at) {
   return own.call(this, text, ...at);
 };
 """
+TOP = "return document.getElementById(arguments[0]).getBoundingClientRect().top"
 TABS = ("aim", "scan", "plan", "result")
 
 
@@ -67,6 +68,20 @@ def test_circle_is_found_on_a_quick_look_and_marked_by_a_click_and_a_key(page, s
     fetched = page.fetched()
     assert len(fetched) > 5
     assert [url for url in fetched if not url.startswith(served.address)] == []
+
+
+def test_no_button_moves_when_the_signal_is_judged_for_the_first_time(page):
+    buttons = ("mark", "go", "undo", "redo", "write", "start")
+
+    def heights():
+        return [page.js(TOP, name) - page.js(TOP, "at-up") for name in buttons]
+
+    page.click("leave")
+    page.until(lambda: page.text("flags") == "")
+    before = heights()
+    page.click("take")
+    page.until(lambda: page.text("flags"))
+    assert heights() == before
 
 
 @pytest.mark.parametrize(("size", "dark"), [(DESKTOP, False), (PHONE, False), (DESKTOP, True)])

@@ -14,7 +14,7 @@ from sldvexp.instrument import Replay
 from sldvexp.instrument.recording import JOURNAL
 from sldvexp.laser import dac_of_points
 from sldvexp.scan.calibration import Centres
-from sldvexp.session.camera import Operator
+from sldvexp.session.operator import Operator
 from sldvexp.session.search import PredictedCircle, spots_of
 from sldvexp.session.session import scan_views
 from sldvexp.targets import Plane

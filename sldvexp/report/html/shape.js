@@ -228,8 +228,12 @@ const showShape = async (root) => {
   };
   // Nodes count from 0 over the whole volume, points from 1.
   const first = () => data.names ? 1 : layers[state.layer].first || 0;
-  const called = (n) => data.names ? data.names[n] : String(first() + n);
-  const number = (one) => one ? String(first() + one - 1) : "";
+  // Of few nodes that are drawn for all, each has the number that it has among these.
+  const few = data.names ? null : data.few;
+  const among = (n) => first() + (few ? few.nodes[n] : n);
+  const called = (n) => data.names ? data.names[n] : String(among(n));
+  const number = (one) => one ? String(among(one - 1)) : "";
+  const drawn = (n) => few ? few.nodes.findIndex((one) => one >= n) : n;
 
   // The largest amplitude of the surface, or that of the picked node with its bound, by frequency --
   const hertz = data.frequencies;
@@ -447,14 +451,15 @@ const showShape = async (root) => {
   }
   for (const key of ["node", "from", "to"]) {
     control(key).addEventListener("input", (event) => {
-      const { value } = event.target, wanted = Math.max(0, Math.min(nodes - 1, Math.floor(value) - first()));
-      state[key] = value === "" ? 0 : wanted + 1;
+      const { value } = event.target, last = few ? few.nodes[nodes - 1] : nodes - 1;
+      const wanted = Math.max(0, Math.min(last, Math.floor(value) - first()));
+      state[key] = value === "" ? 0 : drawn(wanted) + 1;
       choose();
     });
   }
   const renumber = () => {
     for (const key of ["node", "from", "to"]) {
-      [control(key).min, control(key).max] = [first(), first() + nodes - 1];
+      [control(key).min, control(key).max] = [among(0), among(nodes - 1)];
       control(key).value = number(state[key]);
     }
   };
