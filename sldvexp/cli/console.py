@@ -44,6 +44,8 @@ BETTER = (
     "sldvexp plan finds better ones, and writes an experiment with them; after each view it is "
     "told here which stand helps most."
 )
+#: Width of a figure for narrow screens, m.
+NARROW = 0.085
 #: Dots per inch of a figure.
 DOTS = 160
 #: Folder for what is aimed, without ``--config-dir``.
@@ -112,7 +114,7 @@ def advice(experiment: Experiment, groups: Mapping[str, xr.Dataset]) -> Advice:
     if not groups and experiment.volume is not None:
         given = planner.check_stands(experiment)
         reached = f"The stands that are given: {_reached(given)}."
-        return Advice([reached, BETTER], _drawn(given))
+        return Advice([reached, BETTER], _drawn(given), _drawn(given, NARROW))
     if experiment.volume is None or not any(name.startswith("image/") for name in groups):
         return Advice(["Without a volume and images of it nobody can say where to stand next."])
     done = RunData(dict(groups), {}, Path())
@@ -126,13 +128,14 @@ def advice(experiment: Experiment, groups: Mapping[str, xr.Dataset]) -> Advice:
     for stand in after.added:
         place, what = (_metres(point) for point in (stand.origin, stand.look_at))
         told.append(f"Stand next at {place} m and look at {what} m. Then: {_reached(after)}.")
-    return Advice(told, _drawn(after))
+    return Advice(told, _drawn(after), _drawn(after, NARROW))
 
 
-def _drawn(plan: StandPlan) -> bytes:
-    """Draw a plan for the page, as PNG."""
+def _drawn(plan: StandPlan, width: float | None = None) -> bytes:
+    """Draw a plan for the page, as PNG; width in m."""
     content = io.BytesIO()
-    planner.figure.draw(plan).savefig(content, format="png", dpi=DOTS, metadata={"Software": None})
+    made = planner.figure.draw(plan, width=width)
+    made.savefig(content, format="png", dpi=DOTS, metadata={"Software": None})
     return content.getvalue()
 
 

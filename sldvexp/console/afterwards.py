@@ -28,10 +28,14 @@ Groups = Mapping[str, xr.Dataset]
 
 @dataclass(frozen=True)
 class Advice:
-    """Advice on where to stand, in sentences, and a figure of it as PNG; empty if there is none."""
+    """Advice on where to stand, in sentences, with a figure as PNG, wide and for narrow screens.
+
+    Empty if there is none.
+    """
 
     told: list[str]
     figure: bytes = b""
+    narrow: bytes = b""
 
 
 #: Advises from an experiment and the groups of its views that are done.

@@ -67,9 +67,7 @@ class Console:
         self.board = NoticeBoard()
         self.wishes: queue.Queue[Wish] = queue.Queue()
         self.bench = AimingBench(experiment, self.board, self.wishes)
-        self.server = Server(
-            self.board, self.wishes, lambda: self._page, lambda: self._plan.figure, port
-        )
+        self.server = Server(self.board, self.wishes, lambda: self._page, self._figure, port)
         self._compose, self._run, self._advise = compose, run, advise
         self._page: Path | None = None
         self._plan, self._plans = Advice([]), 0
@@ -182,6 +180,9 @@ class Console:
         self._plan, self._plans = advice, self._plans + 1
         shown = self._plans if advice.figure else 0  # so that a browser asks for it anew
         self.board.tell("planned", {"told": advice.told, "figure": shown})
+
+    def _figure(self, narrow: bool) -> bytes:
+        return self._plan.narrow if narrow else self._plan.figure
 
     def _ended(self, why: str, problem: bool = False) -> None:
         self.board.tell("result", {"told": why, "page": False})

@@ -73,7 +73,8 @@ class Server:
     page_of_run : callable
         Gives the page of the run that was finished last, None if there is none.
     plan : callable
-        Gives the figure of the plan that was made last, as PNG; empty if there is none.
+        Gives the figure of the plan that was made last, as PNG, for a narrow screen or not; empty
+        if there is none.
     port : int
         0 takes a free one.
     token : str, optional
@@ -85,7 +86,7 @@ class Server:
         board: NoticeBoard,
         wishes: queue.Queue[Wish],
         page_of_run: Callable[[], Path | None],
-        plan: Callable[[], bytes] = bytes,
+        plan: Callable[[bool], bytes] = lambda narrow: b"",
         port: int = 0,
         token: str | None = None,
     ) -> None:
@@ -140,6 +141,7 @@ class Server:
                 Route("/{token}/", self._file),
                 Route("/{token}/run.html", self._page_of_run),
                 Route("/{token}/plan.png", self._plan),
+                Route("/{token}/narrow_plan.png", self._plan),
                 Route("/{token}/{name}", self._file),
                 WebSocketRoute("/{token}/talk", self._talk),
             ]
@@ -165,7 +167,8 @@ class Server:
 
     async def _plan(self, request: Request) -> Response:
         """Give the figure of the plan that was made last."""
-        figure = self.plan() if self._known(request.path_params["token"]) else b""
+        known = self._known(request.path_params["token"])
+        figure = self.plan(request.url.path.endswith("narrow_plan.png")) if known else b""
         if not figure:
             return PlainTextResponse(NOT_HERE, 404)
         return Response(figure, media_type="image/png")

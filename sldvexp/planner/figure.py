@@ -17,6 +17,7 @@ from matplotlib.tri import Triangulation
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 from sldvexp.config.planning import PlanCriterion
+from sldvexp.planner.images import Stand
 from sldvexp.planner.planned import StandPlan
 from sldvexp.planner.search import ONE_SIDED
 from sldvexp.plot import style
@@ -53,7 +54,7 @@ def draw(plan: StandPlan) -> Figure:
     made, rooms, close = _sheet(title, high - low, _ratio(surface), space=surface is None)
     for axes, (name, side) in zip(rooms, SIDES.items(), strict=True):
         axes.set_title(name)
-        _stands(axes, plan, *side[:2])
+        _stands(axes, plan, *side)
         _limit(axes, low, high, *side)
     rooms[0].tick_params(labelbottom=False)
     rooms[0].set_xlabel("")
@@ -159,7 +160,7 @@ def _widths(width: float, rooms: float, surface: float) -> tuple[float, float]:
     return wide, free - wide
 
 
-def _stands(axes: Any, plan: StandPlan, across: int, up: int) -> None:
+def _stands(axes: Any, plan: StandPlan, across: int, up: int, down: bool) -> None:
     """Draw every stand with some beams, the calibration object, and what is in the way."""
     outline = plan.place.outline
     ends = outline[np.linspace(0, len(outline) - 1, BEAMS).astype(int)]
@@ -174,15 +175,29 @@ def _stands(axes: Any, plan: StandPlan, across: int, up: int) -> None:
             way = np.stack([stand.origin, end])[:, [across, up]]
             axes.plot(*way.T, color=colour, linewidth=0.3, alpha=0.5)
         at = stand.origin[[across, up]]
-        label = "stand" if new else "stand that is given"
+        label = "planned stand" if new else "stand that is given"
         axes.plot(*at, "D" if new else "s", color=colour, markersize=4, label=label)
-        axes.annotate(stand.name, at, (4, 3), textcoords="offset points")
+        look = _beside(stand, plan, across, up, down)
+        axes.annotate(stand.name, at, textcoords="offset points", **look)
     corners = plan.place.surface.surface[plan.place.surface.triangles][..., [across, up]]
     axes.plot(*_around(corners.reshape(-1, 2)).T, color=style.COLOURS[5], label="surface")
     marks = plan.place.marks.position
     if len(marks):
         look = {"color": style.COLOURS[1], "markersize": 2, "label": "calibration object"}
         axes.plot(*marks[:, [across, up]].T, ".", **look)
+
+
+def _beside(stand: Stand, plan: StandPlan, across: int, up: int, down: bool) -> dict[str, Any]:
+    """Place a stand's name on the side of it that is away from its nearest neighbour."""
+    side = [across, up]
+    away = np.array([(stand.origin - s.origin)[side] for s in plan.stands if s is not stand])
+    nearest = away[np.linalg.norm(away, axis=1).argmin()] if len(away) else np.ones(2)
+    right, above = nearest[0] >= 0, (nearest[1] >= 0) != down
+    return {
+        "xytext": (4 if right else -4, 3 if above else -3),
+        "ha": "left" if right else "right",
+        "va": "bottom" if above else "top",
+    }
 
 
 def _around(points: Array) -> Array:

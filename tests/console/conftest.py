@@ -16,7 +16,7 @@ from sldvexp.console.board import NoticeBoard
 from sldvexp.console.server import Server
 from sldvexp.virtual_lab.console import experiment
 
-PATIENCE = 20.0
+PATIENCE = 90.0
 
 #: A plate and a calibration object in the virtual lab, which nobody has aimed at.
 BENCH = """# @package _global_

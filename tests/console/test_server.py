@@ -62,16 +62,17 @@ def test_page_of_a_run_is_looked_for_only_for_who_knows_the_token(board, wishes)
 
 
 def test_figure_of_the_plan_comes_when_there_is_one(board, wishes):
-    figures = [b""]
-    with Server(board, wishes, lambda: None, lambda: figures[-1]) as server:
+    figures = [(b"", b"")]
+    with Server(board, wishes, lambda: None, lambda narrow: figures[-1][narrow]) as server:
         assert get(server, f"/{server.token}/plan.png?1")[0].status == 404
-        figures.append(b"picture")
+        figures.append((b"picture", b"narrow"))
         answer, body = get(server, f"/{server.token}/plan.png?2")
         assert (answer.status, answer.headers["content-type"], body) == (
             200,
             "image/png",
             "picture",
         )
+        assert get(server, f"/{server.token}/narrow_plan.png?2")[1] == "narrow"
         assert get(server, "/wrong/plan.png")[0].status == 404
 
 

@@ -69,7 +69,9 @@ for (const [i, tab] of tabs.entries()) {
 function showPlan({ told, figure }) {
   $("planned").replaceChildren(...told.map((text) => Object.assign(document.createElement("p"), { textContent: text })));
   $("plan-link").hidden = !figure;
-  if (figure) $("plan-figure").src = $("plan-link").href = `plan.png?${figure}`;
+  if (!figure) return;
+  $("plan-narrow").srcset = `narrow_plan.png?${figure}`;
+  $("plan-figure").src = $("plan-link").href = `plan.png?${figure}`;
 }
 
 const topics = {
