@@ -10,6 +10,7 @@ from tests.models.made_models import closed_form
 ELSEWHERE = "volume=grid volume.center=[0.42,0.14,0.0] volume.size=[0.26,0.21] volume.shape=[7,6]"
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize(
     ("settings", "said"),
     [
