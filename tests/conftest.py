@@ -30,7 +30,8 @@ from hydra.core.config_search_path import ConfigSearchPath
 
 from sldvexp import dataset, writing
 from sldvexp.cli import commands, main
-from sldvexp.config.cached_loader import Memory, RememberingLoader, _is_own
+from sldvexp.config.cached_loader import Memory, RememberingLoader
+from sldvexp.config.kept import _is_own
 from sldvexp.config.paths import conf_dir
 from sldvexp.instrument import connection
 from sldvexp.report.html.page import Html
