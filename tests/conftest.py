@@ -9,6 +9,7 @@ import math
 import os
 import select
 import socket
+import stat
 import subprocess
 import sys
 import tempfile
@@ -30,17 +31,32 @@ from hydra.core.config_search_path import ConfigSearchPath
 from sldvexp import dataset, writing
 from sldvexp.cli import command, commands, main
 from sldvexp.config.cached_loader import Memory, RememberingLoader
+from sldvexp.config.kept import _is_own
 from sldvexp.config.paths import conf_dir
 from sldvexp.instrument import connection
 from sldvexp.report.html.page import Html
 from sldvexp.stopping import handlers_kept
 from sldvexp.testing import faults
 
+
+def _kept_code(otherwise: str) -> str:
+    """Give a folder that is this user's alone for compiled code, which the next run finds again."""
+    root = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    folder = root / "sldvexp-tests"
+    with suppress(OSError):
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        if _is_own(folder.lstat(), stat.S_ISDIR, 0o077) and os.access(folder, os.W_OK):
+            return str(folder)
+    return otherwise
+
+
 if "PYTEST_XDIST_WORKER" not in os.environ:  # workers have what the first process has
     # Commands that tests start share what they compile and compose, and leave the user's alone.
     _shared = tempfile.TemporaryDirectory(prefix="sldvexp-tests-")
-    os.environ |= {"XDG_CACHE_HOME": _shared.name, "PYTHONPYCACHEPREFIX": f"{_shared.name}/code"}
+    os.environ["PYTHONPYCACHEPREFIX"] = sys.pycache_prefix = _kept_code(f"{_shared.name}/code")
+    os.environ["XDG_CACHE_HOME"] = _shared.name
     os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+    sys.dont_write_bytecode = False
 
 with suppress(ImportError):  # so that no command keeps xarray in this process from it
     import dask  # noqa: F401
@@ -73,8 +89,12 @@ def pytest_xdist_auto_num_workers() -> int:
 
 @pytest.hookimpl(wrapper=True)
 def pytest_collection() -> Iterator[None]:
-    """Look for no garbage among thousands of tests, neither as they are found nor later."""
+    """Look for no garbage among thousands of tests, neither as they are found nor later.
+
+    Later it is looked for a tenth as often as by default.
+    """
     gc.disable()
+    gc.set_threshold(7000, 10, 10)
     try:
         return (yield)
     finally:

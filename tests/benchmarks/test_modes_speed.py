@@ -8,6 +8,7 @@ from __future__ import annotations
 import tracemalloc
 
 import numpy as np
+import pytest
 
 from sldvexp import dataset, modes
 
@@ -44,6 +45,7 @@ def test_five_thousand_pixels_with_256_lines(benchmark):
         assert benchmark.stats["mean"] < 6.0
 
 
+@pytest.mark.whole
 def test_one_view_is_in_memory_at_a_time():
     """Beside the images there is one view, whitened and split, however many there are."""
     peaks = {}

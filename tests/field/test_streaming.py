@@ -180,7 +180,7 @@ def assert_same(a: xr.Dataset, b: xr.Dataset, tolerance: float, attributes: bool
 @pytest.mark.parametrize(
     ("each", "method"),
     [
-        (True, ["reconstruction=contravariant"]),
+        pytest.param(True, ["reconstruction=contravariant"], marks=pytest.mark.whole),
         pytest.param(
             False,
             ["reconstruction=absolute", "reconstruction.model=full"],

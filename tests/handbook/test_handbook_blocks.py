@@ -55,6 +55,7 @@ SESSIONS = {
     "choosing_a_method",
     "figures",
     "first_instrument",
+    "formats",
     "other_instruments",
     "own_experiments",
     "own_files",

@@ -52,6 +52,7 @@ def test_sensitivities_are_those_of_a_thin_plate():
     np.testing.assert_allclose(found["length"] + found["width"], -2.0, atol=1e-4)
 
 
+@pytest.mark.whole
 def test_right_plate_is_accepted_and_four_wrong_ones_are_told():
     measured = Measured(true_plate()).tree(0, pose_std=POSE_STD)
     right = examine_model(measured, LASER, plate())

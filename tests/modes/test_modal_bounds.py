@@ -44,6 +44,7 @@ def check_bounds(poles, scales, seen, pixels):
     assert abs(seen.mean() - expected) < 3.3 / np.sqrt(len(seen) * pixels * 5)
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("noise", [0.02, 0.5])
 def test_bounds_hold_in_some_sessions(noise):
     check_bounds(*errors(range(10), noise, 150), 150)
@@ -80,6 +81,7 @@ def test_bounds_of_poles_are_those_of_cramer_and_rao():
     assert np.all(found / least < 1.03)
 
 
+@pytest.mark.whole
 def test_shares_of_a_neighbour_are_as_uncertain_as_told():
     """Mixing of close modes, over sessions; noise is so small that poles alone decide."""
     frequency, shares, told = np.array([545.0, 549.0]), [], []

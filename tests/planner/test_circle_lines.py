@@ -35,6 +35,7 @@ def two_stands(stride, rough):
     return stands, place, scan
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize(("stride", "rough"), [(4, True), (4, False), (2, True)])
 def test_lines_that_do_not_reach_an_edge_are_told_with_what_is_needed(stride, rough):
     stands, place, scan = two_stands(stride, rough)

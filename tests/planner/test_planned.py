@@ -191,6 +191,7 @@ def test_more_noise_makes_bounds_wider_in_proportion():
     np.testing.assert_allclose(two.bounds, 3 * one.bounds)
 
 
+@pytest.mark.whole
 def test_a_gage_counts_its_ends_alone_and_has_the_bound_of_its_strain():
     ends = "[[0.30,0.14,0],[0.52,0.14,0]]"
     found = planner.plan(

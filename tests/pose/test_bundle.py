@@ -183,7 +183,10 @@ def trials_of(lab, trials):
     return np.array(relative), np.array(square), np.array(inside)
 
 
-@pytest.mark.parametrize("trials", [25, pytest.param(400, marks=pytest.mark.long)])
+@pytest.mark.parametrize(
+    "trials",
+    [pytest.param(25, marks=pytest.mark.whole), pytest.param(400, marks=pytest.mark.long)],
+)
 def test_six_unknown_points_reach_the_cramer_rao_bound_without_a_start(trials):
     lab = Lab(3)
     relative, square, inside = trials_of(lab, trials)
@@ -245,6 +248,7 @@ def test_a_wrong_distance_is_named():
     assert finding.subject == "distance of points 3 and 4"
 
 
+@pytest.mark.whole
 def test_errors_larger_than_stated_are_doubted():
     lab = Lab(6, points=8)
     tables = lab.tables(np.random.default_rng(2))

@@ -130,6 +130,7 @@ def test_sixty_views_are_searched_in_part_and_it_is_said() -> None:
     assert note in found.to_dataset().attrs["notes"]
 
 
+@pytest.mark.one_in(4)
 @pytest.mark.parametrize("block", range(4))
 def test_a_search_in_part_finds_the_best_or_nearly(
     monkeypatch: pytest.MonkeyPatch, block: int

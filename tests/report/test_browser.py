@@ -285,6 +285,7 @@ def test_points_that_no_triangle_joins_are_coloured_and_move(browser, small_poin
     nothing_is_wider_than_the_window(shown)
 
 
+@pytest.mark.whole
 def test_without_webgl_the_page_has_its_figure(open_at, browser):
     """A browser that gives no drawing context gets the figure that printed pages have."""
     opened = open_at(DESKTOP)

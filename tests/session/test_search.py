@@ -240,6 +240,7 @@ def test_a_circle_behind_another_one_is_told_as_that(composed, tmp_path, x):
         scan_views(e, tmp_path)
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize(
     ("board", "diameter", "away"),
     [("bits_12_sign", 0.1, 0.9), ("bits_16", 0.1, 0.9), ("bits_16", 0.02, 1.8)],

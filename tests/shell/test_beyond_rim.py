@@ -44,6 +44,7 @@ def told(found):
     return [note for note in found.notes if "beyond the surface's rim" in note]
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("seed", range(3))
 def test_shaded_pixels_are_left_out_and_named(seed):
     truth, volume = lab.plate(), lab.volume()

@@ -45,7 +45,7 @@ def held_and_squares(seed, pixels=(20, 21)):
 
 @pytest.mark.parametrize(
     "sessions",
-    [pytest.param(4, marks=pytest.mark.one_in(2)), pytest.param(30, marks=pytest.mark.long)],
+    [pytest.param(4, marks=pytest.mark.whole), pytest.param(30, marks=pytest.mark.long)],
 )
 def test_bounds_hold_signal_that_no_combination_of_lines_holds(sessions):
     """All lines of a resonance are in error together: a session is one draw.

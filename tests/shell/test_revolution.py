@@ -162,6 +162,7 @@ def test_without_noise_the_motion_of_a_tube_is_exact():
     assert np.all(errors[3:, 1] < 0.02)
 
 
+@pytest.mark.whole
 def test_motion_and_strain_of_a_tube():
     errors, held = session(1)
     assert np.all(errors[:3] < 0.004)
