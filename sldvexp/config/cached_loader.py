@@ -223,8 +223,9 @@ class RememberingLoader(NamingLoader):
         """Tell whether an override sets a value, and has no say in which files are composed."""
         if override.is_sweep_override() or override.get_key_element() == "hydra.mode":
             return True
-        if override.is_hydra_override():
-            return False
+        if override.is_hydra_override():  # a folder, which is another in every run
+            key = override.key_or_group
+            return key.startswith("hydra.") and not key.startswith("hydra.searchpath")
         is_group = self.repository.group_exists(override.key_or_group)
         return not is_group or isinstance(override.value(), dict)
 

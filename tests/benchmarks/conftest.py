@@ -1,8 +1,15 @@
-"""Five views of a square plate, which the benchmarks of fields look at."""
+"""Baselines that several benchmarks have, and the table of all that they print.
+
+Times are of processors: how long something takes on a machine that others use as well says little.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import os
+import subprocess
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -11,6 +18,17 @@ from sldvexp.field import View, VolumeVisibility
 from sldvexp.laser import Mirror, TwoMirror, project
 from sldvexp.volume import Grid
 
+GROUPS = 13
+#: A program that does nothing, with as many groups as ours.
+BARE = """
+import hydra
+
+@hydra.main(version_base="1.3", config_path="conf", config_name="config")
+def main(config):
+    pass
+
+main()
+"""
 LASER = TwoMirror(mirror_offset=0.045, up_down=Mirror(25), left_right=Mirror(25))
 STANDS = [[0.0, -0.5, 1.6], [0.6, 0.5, 1.5], [0.3, 0.3, 1.6], [-0.5, 0.4, 1.5], [0.6, -0.2, 1.5]]
 #: Of the plate, m; of the noise, m/s; of the poses, rad and m; how many modes the plate has.
@@ -62,3 +80,60 @@ def looks_at(
 @pytest.fixture(scope="session")
 def make_looks() -> Callable[..., VolumeVisibility]:
     return looks_at
+
+
+class Cost(NamedTuple):
+    """Seconds that a process and its own took of all processors, and the largest one's MB."""
+
+    seconds: float
+    megabytes: float
+
+
+def cost_of(call: Sequence[str], folder: Path) -> Cost:
+    with (folder / "errors").open("w+") as errors:
+        process = subprocess.Popen(call, cwd=folder, stdout=subprocess.DEVNULL, stderr=errors)
+        _, status, used = os.wait4(process.pid, 0)
+        process.returncode = os.waitstatus_to_exitcode(status)
+        errors.seek(0)
+        assert process.returncode in (0, 2), errors.read()
+    return Cost(used.ru_utime + used.ru_stime, used.ru_maxrss / 1024)
+
+
+@pytest.fixture(scope="session", name="cost_of")
+def _cost_of() -> Callable[[Sequence[str], Path], Cost]:
+    return cost_of
+
+
+@pytest.fixture
+def bare_program(tmp_path: Path) -> Path:
+    """Folder of ``bare.py``; its configuration is plain: groups of six numbers each."""
+    conf = tmp_path / "conf"
+    for k in range(GROUPS):
+        (conf / f"group_{k}").mkdir(parents=True)
+        lines = [f"key_{i}: {i}" for i in range(6)]
+        (conf / f"group_{k}" / "one.yaml").write_text("\n".join(lines))
+    defaults = "".join(f"  - group_{k}: one\n" for k in range(GROUPS))
+    (conf / "config.yaml").write_text(f"defaults:\n{defaults}  - _self_\nseed: 0\n")
+    (tmp_path / "bare.py").write_text(BARE)
+    return tmp_path
+
+
+#: What every benchmark has printed.
+_told: list[tuple[str, str]] = []
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport() -> Iterator[None]:
+    report = yield
+    if report.when == "call" and report.capstdout.strip():
+        _told.append((f"{report.nodeid.rpartition('/')[2]} {report.outcome}", report.capstdout))
+    return report
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    if os.environ.get("SLDVEXP_BENCHMARK") == "1":
+        terminalreporter.section("benchmarks, processor time")
+        for name, told in _told:
+            terminalreporter.write_line(name)
+            for line in told.strip().splitlines():
+                terminalreporter.write_line(f"    {line}")

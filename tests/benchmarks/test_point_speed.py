@@ -57,7 +57,7 @@ def test_agrees_with_the_loop(data: tuple[np.ndarray, np.ndarray]) -> None:
 
 @pytest.mark.skipif(not FULL_SIZE, reason="takes half a minute and 3 GB; set SLDVEXP_BENCHMARK=1")
 def test_faster_than_a_loop_and_near_the_speed_of_copying(
-    data: tuple[np.ndarray, np.ndarray], capsys: pytest.CaptureFixture[str]
+    data: tuple[np.ndarray, np.ndarray],
 ) -> None:
     """Velocity, std and confidence are all computed into new arrays within the time counted.
 
@@ -87,8 +87,7 @@ def test_faster_than_a_loop_and_near_the_speed_of_copying(
         "combined, best": lambda: Combined().reconstruct(*data),
     }
     took |= seconds(others, rounds=2)
-    with capsys.disabled():
-        print(f"\n{POINTS} points x {VIEWS} views x {FREQUENCIES} frequencies, seconds:")
-        print(", ".join(f"{name} {time:.3f}" for name, time in took.items()))
+    print(f"{POINTS} points x {VIEWS} views x {FREQUENCIES} frequencies, seconds:")
+    print(", ".join(f"{name} {time:.3f}" for name, time in took.items()))
     assert took["loop"] > FASTER_THAN_LOOP * took["ours"]
     assert took["ours"] < SLOWER_THAN_COPY * took["copy"]

@@ -7,7 +7,6 @@ Processor time of processes of their own, in pairs. Figures are asserted with
 from __future__ import annotations
 
 import os
-import resource
 import statistics
 import subprocess
 import sys
@@ -25,24 +24,12 @@ pytestmark = [
     ),
 ]
 
-GROUPS = 13
 RUNS = 40
 NOTHING = ("~experiment", "target=dissertation", "report=none")
 OF_HYDRA = 1.5
 MANY, MS_OF_MANY = 1000, 10.0
 SHARED = 3.0
 PARALLEL = 1.7
-
-#: A program that does nothing, with as many groups as ours; it sweeps over its seed.
-BARE = """
-import hydra
-
-@hydra.main(version_base="1.3", config_path="conf", config_name="config")
-def main(config):
-    pass
-
-main()
-"""
 
 #: Times, from one end of a run to the next, within one process.
 MARKED = """
@@ -66,38 +53,22 @@ print(*times, file=sys.stderr)
 """
 
 
-def processor_time(call, folder):
-    """Seconds that a process and its own took of all processors."""
-    before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    done = subprocess.run(call, cwd=folder, capture_output=True, text=True, check=False)
-    after = resource.getrusage(resource.RUSAGE_CHILDREN)
-    assert done.returncode in (0, 2), done.stderr
-    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+@pytest.fixture
+def ours(cost_of):
+    """Processor time of a call of the command in a folder."""
+
+    def call(folder, *settings):
+        return cost_of([sys.executable, "-m", "sldvexp.cli.main", *settings], folder).seconds
+
+    return call
 
 
-def ours(folder, *settings):
-    return processor_time([sys.executable, "-m", "sldvexp.cli.main", *settings], folder)
-
-
-def bare_program(folder):
-    """Its configuration is plain: groups of six numbers each."""
-    conf = folder / "conf"
-    for k in range(GROUPS):
-        (conf / f"group_{k}").mkdir(parents=True)
-        lines = [f"key_{i}: {i}" for i in range(6)]
-        (conf / f"group_{k}" / "one.yaml").write_text("\n".join(lines))
-    defaults = "".join(f"  - group_{k}: one\n" for k in range(GROUPS))
-    (conf / "config.yaml").write_text(f"defaults:\n{defaults}  - _self_\nseed: 0\n")
-    (folder / "bare.py").write_text(BARE)
-
-
-def test_overhead_of_a_run_that_does_nothing(tmp_path, capsys):
+def test_overhead_of_a_run_that_does_nothing(tmp_path, ours, bare_program, cost_of):
     """By the difference of sweeps of different lengths, so that starting costs nothing."""
-    bare_program(tmp_path)
 
     def of_hydra(runs):
         call = [sys.executable, "bare.py", "-m", f"seed=range(0,{runs})"]
-        return processor_time(call, tmp_path)
+        return cost_of(call, tmp_path).seconds
 
     def of_ours(runs):
         return ours(tmp_path, "-m", *NOTHING, f"seed=range(0,{runs})", f"hydra.sweep.dir=r{runs}")
@@ -106,13 +77,12 @@ def test_overhead_of_a_run_that_does_nothing(tmp_path, capsys):
     for pair in range(3):
         each = [(work(RUNS + pair) - work(2)) / RUNS for work in (of_hydra, of_ours)]
         ratios.append(each[1] / each[0])
-        with capsys.disabled():
-            print(f"\na run that does nothing: Hydra {each[0] * 1e3:.0f} ms, ours", end=" ")
-            print(f"{each[1] * 1e3:.0f} ms, {ratios[-1]:.2f} times")
+        print(f"a run that does nothing: Hydra {each[0] * 1e3:.0f} ms, ours", end=" ")
+        print(f"{each[1] * 1e3:.0f} ms, {ratios[-1]:.2f} times")
     assert statistics.median(ratios) <= OF_HYDRA
 
 
-def test_many_runs_in_one_process_cost_no_more_each(tmp_path, capsys):
+def test_many_runs_in_one_process_cost_no_more_each(tmp_path):
     """The last of a thousand runs cost what the first did."""
     call = [sys.executable, "-c", MARKED, "-m", *NOTHING, f"seed=range(0,{MANY})"]
     call += ["hydra.sweep.dir=many"]
@@ -120,12 +90,11 @@ def test_many_runs_in_one_process_cost_no_more_each(tmp_path, capsys):
     times = [float(word) for word in done.stderr.split()[-MANY:]]
     each = [(b - a) * 1e3 for a, b in pairwise(times)]
     first, last = statistics.median(each[5:105]), statistics.median(each[-100:])
-    with capsys.disabled():
-        print(f"\n{MANY} runs: {first:.0f} ms each of the first, {last:.0f} ms each of the last")
+    print(f"{MANY} runs: {first:.0f} ms each of the first, {last:.0f} ms each of the last")
     assert last - first <= MS_OF_MANY
 
 
-def test_method_combinations_share_a_session(tmp_path, capsys):
+def test_method_combinations_share_a_session(tmp_path, ours):
     session = ("experiment=plate", "report=none", "volume.shape=[9,7]")
     one = ours(tmp_path, *session, "hydra.run.dir=one")
     methods = (
@@ -134,13 +103,12 @@ def test_method_combinations_share_a_session(tmp_path, capsys):
         "solver=iterative,cholesky",
     )
     all_of_them = ours(tmp_path, "-m", *session, *methods, "hydra.sweep.dir=all")
-    with capsys.disabled():
-        print(f"\n24 combinations cost {all_of_them / one:.1f} times one run ({one:.1f} s)")
+    print(f"24 combinations cost {all_of_them / one:.1f} times one run ({one:.1f} s)")
     assert len(list(Path(tmp_path / "all").glob("*/run.nc"))) == 24
     assert all_of_them <= SHARED * one
 
 
-def test_two_workers(tmp_path, capsys):
+def test_two_workers(tmp_path, ours):
     """Elapsed time, so that nothing else may be running.
 
     The two processes take some 5 s to start: 6 runs do not make up for it (1.4 times), 20 do.
@@ -156,6 +124,5 @@ def test_two_workers(tmp_path, capsys):
         ours(tmp_path, "-m", *session, *more, f"hydra.sweep.dir={name}")
         took[name] = time.perf_counter() - began
     faster = took["basic"] / took["joblib"]
-    with capsys.disabled():
-        print(f"\n2 workers {faster:.2f} times as fast; load {os.getloadavg()[0]:.1f}")
+    print(f"2 workers {faster:.2f} times as fast; load {os.getloadavg()[0]:.1f}")
     assert faster >= PARALLEL

@@ -21,6 +21,8 @@ OVERRIDES = {
     "choices": ["experiment=pose", "solver=cholesky", "target=dissertation"],
     "a table": ["volume={size:[0.2,0.2],shape:[5,4]}"],
     "of Hydra": ["hydra.run.dir=here", "hydra/job_logging=disabled", "seed=1"],
+    "more of Hydra": ["hydra.job.chdir=true", "+hydra.job.env_set.A=b", "seed=2"],
+    "folders of Hydra": ["hydra.sweep.dir=there", "hydra.job.config.override_dirname.kv_sep=:"],
     "added and deleted": ["+check.again={plugin:love}", "~check.surface"],
     "deleted choices": ["~experiment", "target=dissertation"],
     "in any order": ["seed=1", "solver=direct", "seed=2"],
@@ -103,7 +105,12 @@ def test_files_are_read_once_for_the_same_choices(loaders, monkeypatch):
         return whole(self, *args, **more)
 
     monkeypatch.setattr(ConfigLoaderImpl, "_load_configuration_impl", composed)
-    for overrides in (["seed=1"], ["seed=2"], ["solver=direct"], ["solver=direct", "seed=4"]):
+    for overrides in (
+        ["seed=1"],
+        ["hydra.run.dir=a"],
+        ["solver=direct"],
+        ["solver=direct", "seed=4"],
+    ):
         quick.load_configuration("config", overrides, RunMode.RUN)
     assert len(read) == 2
 
