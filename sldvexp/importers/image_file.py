@@ -12,6 +12,7 @@ from omegaconf import MISSING
 from sldvexp import dataset
 from sldvexp.config.paths import locate
 from sldvexp.config.registry import register
+from sldvexp.dataset.references import FURTHER
 from sldvexp.errors import UserError
 from sldvexp.files import require_file
 from sldvexp.importers.base import ImageImporter
@@ -51,6 +52,11 @@ class Images(ImageImporter):
         for view, node in tree["image"].children.items():
             group = _checked(node.to_dataset(inherit=False), f"{path}: the group image/{view}")
             found[f"image/{view}"] = group.load() if chunks is None else in_chunks(group, chunks)
+        for node in tree.leaves:
+            name = node.path.removeprefix("/")
+            if name.startswith(FURTHER):
+                group = node.to_dataset(inherit=False)
+                found[name] = _checked(group, f"{path}: the group {name}").load()
         if chunks is None:
             tree.close()
         return found

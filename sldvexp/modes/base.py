@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+from sldvexp.modes.participation import Participation
 from sldvexp.modes.responses import Responses
 from sldvexp.modes.stabilisation import Stabilisation
 from sldvexp.typing import Array, ComplexArray
@@ -34,6 +35,10 @@ class ModalFit:
         Root of the variance of all that is no signal, over the stated one.
     stabilisation : Stabilisation
         Poles of all orders, and which became modes.
+    participation : Participation, optional
+        Of modes of several references; modes that share a pole have the same in `pole`.
+    joint_covariance : ndarray, shape (unknown, unknown), optional
+        Of all its unknowns.
     """
 
     pole: ComplexArray
@@ -45,6 +50,13 @@ class ModalFit:
     responses: int
     noise_ratio: float
     stabilisation: Stabilisation
+    participation: Participation | None = None
+    joint_covariance: Array | None = None
+
+    def widened(self, factor: float) -> ModalFit:
+        """Multiply covariances by a factor."""
+        joint = None if self.joint_covariance is None else factor * self.joint_covariance
+        return replace(self, covariance=factor * self.covariance, joint_covariance=joint)
 
 
 class ModalMethod(ABC):

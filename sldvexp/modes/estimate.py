@@ -3,21 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from sldvexp import dataset
 from sldvexp.dataset import Finding
+from sldvexp.dataset.references import FIRST, REFERENCE
 from sldvexp.lazy import xarray as xr
 from sldvexp.modes.base import ModalFit, ModalMethod
 from sldvexp.modes.collinearity import PhaseSums
 from sldvexp.modes.findings import findings_about, inflation
 from sldvexp.modes.images import ModalImage, ModalProjection
+from sldvexp.modes.joint_images import JointProjection
 from sldvexp.modes.quality import LineSums
+from sldvexp.modes.references import JointResponses, join
 from sldvexp.modes.responses import Responses
 from sldvexp.statistics import chi_square_p_value
-from sldvexp.typing import Array
+from sldvexp.typing import Array, ComplexArray
 
 PARTS = ("real", "imaginary")
 #: Names of the groups of modal images begin so, as ``modes/image/front``.
@@ -51,7 +54,11 @@ class ModalEstimate:
         return {"modes": self.modes, **named}
 
 
-def estimate_modes(images: Mapping[str, xr.Dataset], method: ModalMethod) -> ModalEstimate:
+def estimate_modes(
+    images: Mapping[str, xr.Dataset],
+    method: ModalMethod,
+    further: Mapping[str, Mapping[str, xr.Dataset]] | None = None,
+) -> ModalEstimate:
     """Find the modes of a structure in velocity images of many lines.
 
     Parameters
@@ -59,6 +66,8 @@ def estimate_modes(images: Mapping[str, xr.Dataset], method: ModalMethod) -> Mod
     images : mapping of str to xarray.Dataset
         Groups ``image/<view>`` by the name of the view, all with the same lines.
     method : ModalMethod
+    further : mapping of str to mapping of str to xarray.Dataset, optional
+        Images of the same pixels with other places of excitation, by the reference's name.
 
     Raises
     ------
@@ -89,17 +98,17 @@ def estimate_modes(images: Mapping[str, xr.Dataset], method: ModalMethod) -> Mod
     >>> found["natural_frequency"].values.round(2), found["damping_ratio"].values.round(4)
     (array([100.]), array([0.01]))
     """
-    responses = Responses.from_images(images, method.lines, method.left_out)
+    responses = _responses(images, method, further or {})
     fit = method.identify(responses)
     p_value = float(chi_square_p_value(fit.chi_square, fit.dof))
     wider = inflation(fit.chi_square / fit.dof, p_value)
-    fit = replace(fit, covariance=fit.covariance * wider)
+    fit = fit.widened(wider)
     line_std = responses.noise()[1]
-    projection = ModalProjection(fit.pole, fit.beyond, responses.frequency, 1 / line_std)
-    mixing = projection.mixing(fit.covariance)
+    projection, covariance = _projection(fit, responses.frequency, 1 / line_std)
+    mixing = projection.mixing(covariance)
     found, sums, quality = {}, PhaseSums.empty(len(fit.pole)), LineSums.empty(len(line_std))
     for modal in projection.images(responses):
-        image = images[modal.view.name]
+        image = responses.images[modal.view.name]
         used = image["flags"].values == 0
         found[modal.view.name] = _image(modal, image, fit, mixing)
         sums += PhaseSums.of(modal.velocity[used], modal.std[used])
@@ -107,6 +116,27 @@ def estimate_modes(images: Mapping[str, xr.Dataset], method: ModalMethod) -> Mod
     modes = _modes(fit, responses, mixing, sums, quality)
     told = list(findings_about(modes, fit.responses))
     return ModalEstimate(fit, projection, modes, found, told)
+
+
+def _responses(
+    images: Mapping[str, xr.Dataset],
+    method: ModalMethod,
+    further: Mapping[str, Mapping[str, xr.Dataset]],
+) -> Responses:
+    """Take lines of one reference, or of several."""
+    if not further:
+        return Responses.from_images(images, method.lines, method.left_out)
+    first = next(iter(images.values()), xr.Dataset()).attrs.get(REFERENCE, FIRST)
+    return join({first: images, **further}, method.lines, method.left_out)
+
+
+def _projection(fit: ModalFit, lines: Array, weight: Array) -> tuple[ModalProjection, Array]:
+    """Make the least squares of modal images, and the covariance that its `mixing` takes."""
+    model, covariance = fit.participation, fit.joint_covariance
+    if model is None or covariance is None:
+        return ModalProjection(fit.pole, fit.beyond, lines, weight), fit.covariance
+    tiled = np.tile(lines, len(weight) // len(lines))
+    return JointProjection(fit.pole, fit.beyond, tiled, weight, model), covariance
 
 
 def _natural(fit: ModalFit) -> tuple[Array, Array]:
@@ -141,8 +171,9 @@ def _modes(
     count, candidates = len(fit.pole), fit.stabilisation
     relative = np.sqrt(np.diag(fit.covariance))
     scale, scale_std = None, None
-    if responses.reference is not None:
-        scale = sums.rms() / responses.nominal
+    nominal, references, share, share_std = _shares(fit, responses)
+    if np.isfinite(nominal).all():
+        scale = sums.rms() / nominal
         scale_std = scale * np.hypot(np.diag(mixing[0]), sums.rms_relative_std())
     size = np.abs(candidates.pole)
     parameters = [f"{name}_{k + 1}" for name in ("frequency", "damping") for k in range(count)]
@@ -155,6 +186,7 @@ def _modes(
             "pole_parameter": parameters,
             "pole_parameter2": parameters,
             "line": np.arange(len(responses.frequency)),
+            **({"reference": references} if references else {}),
             "candidate": np.arange(len(size)),
         },
         natural_frequency=natural,
@@ -170,19 +202,32 @@ def _modes(
         phase=sums.phase(),
         modal_scale=scale,
         modal_scale_std=scale_std,
+        participation=share,
+        participation_std=share_std,
         misfit=fit.chi_square / fit.dof,
         misfit_dof=fit.dof,
         misfit_p_value=chi_square_p_value(fit.chi_square, fit.dof),
         misfit_by_line=fit.by_line,
         line_frequency=responses.frequency,
         noise_ratio=fit.noise_ratio,
-        measured_rms=quality.rms("measured"),
-        synthesis_rms=quality.rms("synthesis"),
-        residual_rms=quality.rms("residual"),
-        noise_rms=quality.rms("noise"),
+        measured_rms=quality.rms("measured", len(responses.frequency)),
+        synthesis_rms=quality.rms("synthesis", len(responses.frequency)),
+        residual_rms=quality.rms("residual", len(responses.frequency)),
+        noise_rms=quality.rms("noise", len(responses.frequency)),
         candidate_order=candidates.order,
         candidate_frequency=size / (2 * np.pi),
         candidate_damping=-candidates.pole.real / size,
         candidate_stable=candidates.stable,
         candidate_mode=candidates.mode + 1,
     )
+
+
+def _shares(
+    fit: ModalFit, responses: Responses
+) -> tuple[Array | float, list[str], ComplexArray | None, Array | None]:
+    """Tell the nominal excitation of each mode's shape, and how modes take part in references."""
+    model, covariance = fit.participation, fit.joint_covariance
+    if model is None or covariance is None or not isinstance(responses, JointResponses):
+        return responses.nominal, [], None, None
+    nominal = np.array([own.nominal for own in responses.each.values()])
+    return nominal[model.pivot], list(responses.each), model.share, model.share_std(covariance)

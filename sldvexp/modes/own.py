@@ -5,12 +5,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from sldvexp.config.registry import register
 from sldvexp.errors import Checks, UserError
 from sldvexp.modes.base import ModalFit, ModalMethod
 from sldvexp.modes.compression import PrincipalResponses, compress
+from sldvexp.modes.joint_likelihood import JointLines, most_likely_jointly
 from sldvexp.modes.likelihood import most_likely
 from sldvexp.modes.lscf import poles_by_order
+from sldvexp.modes.references import JointResponses
 from sldvexp.modes.responses import Responses
 from sldvexp.modes.stabilisation import StabilityRules, stabilise
 
@@ -85,6 +89,8 @@ class MostLikelyModes(ModalMethod):
                 "several across every resonance"
             )
         principal = compress(responses)
+        if isinstance(responses, JointResponses) and len(principal.values):
+            return self._identify_jointly(responses, principal)
         if not len(principal.values):
             raise UserError(
                 f"nothing stands out of the noise between {responses.frequency[0]:g} and "
@@ -108,6 +114,35 @@ class MostLikelyModes(ModalMethod):
             len(principal.values),
             principal.noise_ratio,
             found.renumbered(fit.start),
+        )
+
+    def _identify_jointly(
+        self, responses: JointResponses, principal: PrincipalResponses
+    ) -> ModalFit:
+        """Find poles of several references, and how many modes each has."""
+        joint = JointLines(principal, len(responses.each))
+        highest = min(self._highest_order(principal), joint.lines // 2)
+        poles = poles_by_order(joint.stacked, highest)
+        found = stabilise(poles, joint.stacked, self.rules)
+        band = f"between {responses.frequency[0]:g} and {responses.frequency[-1]:g} Hz"
+        if not found.modes:
+            raise UserError(f"no mode lies {band}: no pole stays as the order grows")
+        fit = most_likely_jointly(joint, found.starts())
+        of_pole = fit.found.pole_of_mode
+        count = len(fit.found.poles) + len(fit.found.beyond)
+        told = np.concatenate([of_pole, count + of_pole])
+        return ModalFit(
+            fit.found.pole,
+            fit.found.beyond,
+            fit.covariance[np.ix_(told, told)],
+            fit.chi_square,
+            fit.dof,
+            fit.by_line,
+            len(principal.values),
+            principal.noise_ratio,
+            found.nearest(fit.found.pole),
+            fit.found,
+            fit.covariance,
         )
 
     @property

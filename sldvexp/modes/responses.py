@@ -113,6 +113,11 @@ class Responses:
         return cls(lines[place], images, place, _reference(images, place))
 
     @property
+    def columns(self) -> int:
+        """How many lines a pixel's row has, of all references."""
+        return len(self.place)
+
+    @property
     def nominal(self) -> float:
         """Amplitude of the reference that velocities are told for, V or N; NaN if unknown."""
         if self.reference is None:
@@ -126,9 +131,9 @@ class Responses:
             return np.ones(len(self.place))
         return self.nominal / self.reference
 
-    def _std(self, image: xr.Dataset) -> Array:
-        """Read the standard errors of an image, (pixel, line)."""
-        std = image["velocity_std"].values.astype(float)
+    def std(self, view: str) -> Array:
+        """Read the standard errors of all pixels of a view, (pixel, line)."""
+        std = self.images[view]["velocity_std"].values.astype(float)
         std = std[:, self.place] if std.ndim == 2 else std[:, None]
         return np.asarray(std * self.level)
 
@@ -137,7 +142,7 @@ class Responses:
         for name, image in self.images.items():
             pixel = np.flatnonzero((image["flags"].values == 0) | flagged)
             seen = np.asarray(image["velocity"].values[pixel][:, self.place] * self.level, complex)
-            yield ViewResponses(name, seen, self._std(image)[pixel])
+            yield ViewResponses(name, seen, self.std(name)[pixel])
 
     def noise(self) -> tuple[dict[str, Array], Array]:
         """Find the factors of the noise.
@@ -149,11 +154,11 @@ class Responses:
         line : ndarray, shape (line,)
             Root of the mean of the squares over all pixels, in units of the pixel's.
         """
-        line, pixel = np.ones(len(self.place)), {}
+        line, pixel = np.ones(self.columns), {}
         for _ in range(2):  # weights of lines by rough factors of the pixels, then these again
             squares = np.zeros(len(line))
             for name, image in self.images.items():
-                std = self._std(image)[image["flags"].values == 0]
+                std = self.std(name)[image["flags"].values == 0]
                 if not (np.isfinite(std) & (std > 0)).all():
                     raise UserError(f"view {name}: has unflagged pixels of unknown noise")
                 pixel[name] = np.sqrt(np.mean((std / line) ** 2, axis=1))
