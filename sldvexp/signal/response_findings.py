@@ -161,7 +161,7 @@ def _leakage(sums: ResponseSums, design: RecordDesign, view: str) -> list[Findin
     """Name resonances at which leakage lowers the coherence, and a record that would do."""
     rest = _residual_power(sums)
     with np.errstate(invalid="ignore", divide="ignore"):
-        power = np.nansum(sums.syy / sums.count[:, None], axis=0)
+        power = np.nansum(sums.syy / sums.stretches[:, None], axis=0)
         response = np.nansum((np.abs(sums.sxy) / sums.sxx) ** 2, axis=0)
     beyond = _noise_of_lines(sums, design)
     noise = min(float(np.median(rest)), beyond or np.inf)
@@ -171,7 +171,7 @@ def _leakage(sums: ResponseSums, design: RecordDesign, view: str) -> list[Findin
     leaks = _resonances(response) & above & (error > LEAST_ERROR)
     if not leaks.any():
         return []
-    scatter = np.sqrt(rest / power / (2 * np.median(sums.count)))
+    scatter = np.sqrt(rest / power / (2 * np.median(sums.averages)))
     worst = float(error[leaks].max())
     severity = _weight(float((error / scatter)[leaks].max()))
     seconds = float(record_for(1 - error[leaks], design).max())
@@ -299,7 +299,9 @@ def _weight(error: float) -> Severity:
 
 def _residual_power(sums: ResponseSums) -> Array:
     """Estimate the power of a record that is not the reference's, pixels summed, shape (line,)."""
-    more = np.maximum(sums.count - 1, 1)[:, None]
+    # Of n records n - 1; of overlapping ones as many as there are, less what the fit takes.
+    worth = np.maximum(sums.averages, 2.0)
+    more = np.maximum(sums.stretches * (1 - 1 / worth), 1)[:, None]
     with np.errstate(invalid="ignore", divide="ignore"):
         rest = sums.syy - (sums.sxy.real**2 + sums.sxy.imag**2) / sums.sxx
     return np.asarray(np.nansum(np.maximum(rest, 0) / more, axis=0), float)
