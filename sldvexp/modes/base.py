@@ -6,6 +6,9 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
+from sldvexp.errors import UserError
 from sldvexp.modes.participation import Participation
 from sldvexp.modes.responses import Responses
 from sldvexp.modes.stabilisation import Stabilisation
@@ -57,6 +60,36 @@ class ModalFit:
         """Multiply covariances by a factor."""
         joint = None if self.joint_covariance is None else factor * self.joint_covariance
         return replace(self, covariance=factor * self.covariance, joint_covariance=joint)
+
+    def freed(self, rate: float) -> ModalFit:
+        """Take the decay rate off all poles, 1/s, that a window ``exp(-rate t)`` added.
+
+        Of ``s = zeta w`` and the damped frequency d, which stays: ``s' = s - rate`` and
+        ``w'^2 = s'^2 + d^2``.
+
+        Raises
+        ------
+        UserError
+            If a mode has no damping but the window's.
+        """
+        natural, left = np.abs(self.pole), -self.pole.real - rate
+        if (left <= 0).any():
+            hertz = float(natural[left.argmin()] / (2 * np.pi))
+            raise UserError(
+                f"the mode at {hertz:.5g} Hz is damped by the exponential window alone, as far as "
+                "lines tell; take longer records and a longer scan.sampling.decay"
+            )
+        own = -self.pole.real  # of s by ln w and by ln zeta
+        free = left**2 + self.pole.imag**2
+        by_natural = (left * own + self.pole.imag**2) / free, (left * own - own**2) / free
+        by_damping = own / left - by_natural[0], own / left - by_natural[1]
+        slope = np.block([[np.diag(part) for part in row] for row in (by_natural, by_damping)])
+        return replace(
+            self,
+            pole=self.pole + rate,
+            covariance=slope @ self.covariance @ slope.T,
+            stabilisation=replace(self.stabilisation, pole=self.stabilisation.pole + rate),
+        )
 
 
 class ModalMethod(ABC):

@@ -99,12 +99,14 @@ def estimate_modes(
     (array([100.]), array([0.01]))
     """
     responses = _responses(images, method, further or {})
+    added = responses.window_rate
     fit = method.identify(responses)
     p_value = float(chi_square_p_value(fit.chi_square, fit.dof))
     wider = inflation(fit.chi_square / fit.dof, p_value)
     fit = fit.widened(wider)
     line_std = responses.noise()[1]
-    projection, covariance = _projection(fit, responses.frequency, 1 / line_std)
+    projection, covariance = _projection(fit, responses.frequency, 1 / line_std, added)
+    fit = fit.freed(added)
     mixing = projection.mixing(covariance)
     found, sums, quality = {}, PhaseSums.empty(len(fit.pole)), LineSums.empty(len(line_std))
     for modal in projection.images(responses):
@@ -130,13 +132,16 @@ def _responses(
     return join({first: images, **further}, method.lines, method.left_out)
 
 
-def _projection(fit: ModalFit, lines: Array, weight: Array) -> tuple[ModalProjection, Array]:
+def _projection(
+    fit: ModalFit, lines: Array, weight: Array, added: float
+) -> tuple[ModalProjection, Array]:
     """Make the least squares of modal images, and the covariance that its `mixing` takes."""
     model, covariance = fit.participation, fit.joint_covariance
     if model is None or covariance is None:
-        return ModalProjection(fit.pole, fit.beyond, lines, weight), fit.covariance
+        return ModalProjection(fit.pole, fit.beyond, lines, weight, added), fit.covariance
     tiled = np.tile(lines, len(weight) // len(lines))
-    return JointProjection(fit.pole, fit.beyond, tiled, weight, model), covariance
+    args = (fit.pole, fit.beyond, tiled, weight, added)
+    return JointProjection(*args, participation=model), covariance
 
 
 def _natural(fit: ModalFit) -> tuple[Array, Array]:

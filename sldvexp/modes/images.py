@@ -57,12 +57,20 @@ class ModalProjection:
         Poles of the model whose modes are not told.
     frequency : ndarray, shape (line,), Hz
     weight : ndarray, shape (line,)
+    added : float, 1/s
+        Decay rate that a window added to all poles; velocities are told without it.
     """
 
     pole: ComplexArray
     beyond: ComplexArray
     frequency: Array
     weight: Array
+    added: float = 0.0
+
+    @property
+    def scale(self) -> ComplexArray:
+        """Velocity at resonance, without the window's damping, per residue."""
+        return velocity_per_residue(self.pole + self.added)
 
     @property
     def omega(self) -> Array:
@@ -85,7 +93,7 @@ class ModalProjection:
 
     def images(self, responses: Responses) -> Iterator[ModalImage]:
         """Make the modal image of one view after the other."""
-        scale = velocity_per_residue(self.pole)
+        scale = self.scale
         modes = len(self.pole)
         power = self.inverse[: 2 * modes] ** 2
         for view in responses.views(flagged=True):
@@ -113,7 +121,7 @@ class ModalProjection:
             the first's.
         """
         modes = len(self.pole)
-        scale = velocity_per_residue(self.pole)
+        scale = self.scale
         slopes = []
         for k, change in enumerate(
             basis_derivatives(self.pole, self.omega).reshape(2 * modes, -1, 2)
@@ -124,15 +132,16 @@ class ModalProjection:
             turned = (moved[modes:, 0] - moved[:modes, 1]) / 2
             slope = np.zeros((modes, modes), complex)
             slope[:, mode] = (into + 1j * turned) * scale / scale[mode]
-            slope[mode, mode] += self._scale_change(k)
+            slope[mode, mode] += self.scale_change(mode, k >= modes)
             slopes.append(slope)
         parts = np.array(slopes)
         real = np.einsum("iab,ij,jab->ab", parts.real, covariance, parts.real)
         imaginary = np.einsum("iab,ij,jab->ab", parts.imag, covariance, parts.imag)
         return np.sqrt(np.stack([real, imaginary]))
 
-    def _scale_change(self, unknown: int) -> float:
-        """Differentiate ln of v / R, which knows the damping alone, by an unknown."""
-        mode, by_damping = unknown % len(self.pole), unknown >= len(self.pole)
-        damping = -self.pole[mode].real / abs(self.pole[mode])
-        return float(-1 / (1 - damping**2)) if by_damping else 0.0
+    def scale_change(self, mode: int, by_damping: bool) -> float:
+        """Differentiate ln of v / R, the damped frequency over the decay rate, by an unknown."""
+        rate = -self.pole[mode].real
+        damping = rate / abs(self.pole[mode])
+        told = rate / (rate - self.added)
+        return float(-(damping**2) / (1 - damping**2) - told) if by_damping else float(1 - told)

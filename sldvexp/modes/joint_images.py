@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 
 from sldvexp.modes.images import ModalProjection
-from sldvexp.modes.model import velocity_per_residue
 from sldvexp.modes.participation import Participation
 from sldvexp.typing import Array
 
@@ -23,7 +22,7 @@ class JointProjection(ModalProjection):
         Poles, and the shares that make one shape of all references' lines.
     """
 
-    participation: Participation
+    participation: Participation = field(kw_only=True)
 
     @property
     def omega(self) -> Array:
@@ -39,9 +38,8 @@ class JointProjection(ModalProjection):
 
     def mixing(self, covariance: Array) -> Array:
         """See `ModalProjection`; the covariance is that of all unknowns of the participation."""
-        modes, scale = len(self.pole), velocity_per_residue(self.pole)
+        modes, scale = len(self.pole), self.scale
         count = len(self.participation.poles) + len(self.participation.beyond)
-        damping = -self.pole.real / np.abs(self.pole)
         slopes = np.zeros((len(covariance), modes, modes), complex)
         for k, (own, change) in enumerate(self.participation.changes(self.omega)):
             if own[0] >= 2 * modes:
@@ -52,8 +50,8 @@ class JointProjection(ModalProjection):
                 into = (real[:modes] + imaginary[modes:]) / 2
                 turned = (real[modes:] - imaginary[:modes]) / 2
                 slopes[k, :, mode] = (into + 1j * turned) * scale / scale[mode]
-                if count <= k < 2 * count:
-                    slopes[k, mode, mode] -= 1 / (1 - damping[mode] ** 2)
+                if k < 2 * count:
+                    slopes[k, mode, mode] += self.scale_change(mode, k >= count)
         parts = [
             np.einsum("iab,ij,jab->ab", part, covariance, part)
             for part in (slopes.real, slopes.imag)

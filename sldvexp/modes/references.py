@@ -45,6 +45,14 @@ class JointResponses(Responses):
         """See `Responses`."""
         return len(self.each) * len(self.place)
 
+    @property
+    def window_rate(self) -> float:
+        """See `Responses`; that of all references."""
+        rates = {own.window_rate for own in self.each.values()}
+        if len(rates) > 1:
+            raise UserError("references have exponential windows of several time constants")
+        return rates.pop()
+
     def std(self, view: str) -> Array:
         """See `Responses`; lines of the second reference follow those of the first."""
         return np.concatenate([own.std(view) for own in self.each.values()], axis=1)

@@ -118,6 +118,25 @@ class Responses:
         return len(self.place)
 
     @property
+    def window_rate(self) -> float:
+        """Decay rate that an exponential window gave all responses, 1/s; 0 without one.
+
+        Raises
+        ------
+        UserError
+            If it is not the same in all views.
+        """
+        decays = {float(image.attrs.get("window_decay", 0.0)) for image in self.images.values()}
+        if len(decays) > 1:
+            raise UserError(
+                "views have exponential windows of several time constants "
+                f"({', '.join(f'{d:g}' for d in sorted(decays))} s; 0 is none), which add several "
+                "dampings to one mode; measure all with one scan.sampling.decay"
+            )
+        decay = decays.pop() if decays else 0.0
+        return 1 / decay if decay else 0.0
+
+    @property
     def nominal(self) -> float:
         """Amplitude of the reference that velocities are told for, V or N; NaN if unknown."""
         if self.reference is None:

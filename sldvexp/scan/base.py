@@ -65,7 +65,7 @@ class Sampling:
     burst : float
         Share of the record that a random burst plays for.
     decay : float, s
-        Time constant of a hammer's exponential window, whose damping modes are freed of; 0 for none.
+        Time constant of a hammer's exponential window, which modes are freed of; 0 for none.
     force : float, s
         Length of a hammer's force window, beyond which its channel is taken for zero; 0 for none.
     overlap : bool

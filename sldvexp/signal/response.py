@@ -8,7 +8,7 @@ scatter of the records.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -27,6 +27,7 @@ from sldvexp.signal.record_faults import (
     limits_of,
     noise_power,
 )
+from sldvexp.signal.response_findings import MAINS
 from sldvexp.signal.response_function import (
     LEAST_RECORDS,
     Estimator,
@@ -95,15 +96,20 @@ class Response(SineFit):
         h1 with noise in the response alone, h2 in the reference alone, hv in both.
     noise_ratio : float, ((m/s)/V)2
         Of hv: noise power of the response over that of the reference.
+    mains : list of float, Hz
+        Frequencies of mains whose hum is looked for in broadband records; empty for none.
     """
 
     estimator: Estimator = Estimator.h1
     noise_ratio: float = 1.0
+    mains: list[float] = field(default_factory=lambda: list(MAINS))
 
     def __post_init__(self) -> None:
         super().__post_init__()
         checks = Checks()
         checks.positive("noise_ratio", self.noise_ratio)
+        for hertz in self.mains:
+            checks.positive("mains", hertz)
         useless = self.noise_ratio != 1.0 and self.estimator is not Estimator.hv
         checks.require(not useless, "noise_ratio", "has no effect without estimator: hv")
         checks.done()
