@@ -33,7 +33,7 @@ PROMISE = 0.1
 
 
 @dataclass(frozen=True, eq=False)
-class JointFit:
+class SharedFit:
     """Most likely poles and shares.
 
     Parameters
@@ -61,7 +61,7 @@ class JointFit:
 
 
 #: Another fit with more or fewer modes at one of the poles; None if lines do not need it.
-Step = Callable[["JointLines", JointFit, int], "JointFit | None"]
+Step = Callable[["JointLines", SharedFit, int], "SharedFit | None"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,7 +123,7 @@ class JointLines:
         return np.stack(found, axis=-1)
 
 
-def most_likely_jointly(lines: JointLines, starts: ComplexArray) -> JointFit:
+def most_likely_jointly(lines: JointLines, starts: ComplexArray) -> SharedFit:
     """Find the most likely poles near some starts, and how many modes each has.
 
     Raises
@@ -139,7 +139,7 @@ def most_likely_jointly(lines: JointLines, starts: ComplexArray) -> JointFit:
     return _with_distances(lines, _with_others(lines, best))
 
 
-def _first_step(step: Step, lines: JointLines, fit: JointFit) -> JointFit | None:
+def _first_step(step: Step, lines: JointLines, fit: SharedFit) -> SharedFit | None:
     """Take the first step that is one, from the pole whose residues ask most for one more mode."""
     values, strength = _values(fit), []
     for pole, residue in zip(fit.found.poles, lines.residues(values), strict=True):
@@ -158,17 +158,17 @@ def _of_rank(lines: JointLines, poles: ComplexArray, modes: list[int]) -> tuple[
     return tuple(found)
 
 
-def _better(richer: JointFit, poorer: JointFit) -> bool:
+def _better(richer: SharedFit, poorer: SharedFit) -> bool:
     """Tell whether what more unknowns gain is no chance."""
     gain = (poorer.chi_square - richer.chi_square) / max(1.0, richer.misfit)
     return bool(scipy.special.chdtrc(poorer.dof - richer.dof, max(gain, 0.0)) < LEVEL)
 
 
-def _values(fit: JointFit) -> ComplexArray:
+def _values(fit: SharedFit) -> ComplexArray:
     return np.array([pole.value for pole in fit.found.poles], complex)
 
 
-def _within_the_band(lines: JointLines, fit: JointFit) -> JointFit:
+def _within_the_band(lines: JointLines, fit: SharedFit) -> SharedFit:
     """Take poles that left the band for others beside it."""
     omega, values = lines.omega, _values(fit)
     inside = (abs(values) >= omega[0]) & (abs(values) <= omega[-1])
@@ -178,7 +178,7 @@ def _within_the_band(lines: JointLines, fit: JointFit) -> JointFit:
     return _fitted(lines, Participation(poles, np.append(fit.found.beyond, values[~inside])))
 
 
-def _without_doubles(lines: JointLines, fit: JointFit) -> JointFit:
+def _without_doubles(lines: JointLines, fit: SharedFit) -> SharedFit:
     """Join poles that lie within one resonance, unless lines need both, with one mode or two."""
     k = 0
     while k + 1 < len(fit.found.poles):
@@ -199,7 +199,7 @@ def _without_doubles(lines: JointLines, fit: JointFit) -> JointFit:
     return fit
 
 
-def _with_more_modes(lines: JointLines, fit: JointFit, at: int) -> JointFit | None:
+def _with_more_modes(lines: JointLines, fit: SharedFit, at: int) -> SharedFit | None:
     """Give a pole one more mode, if lines need it."""
     pole = fit.found.poles[at]
     if pole.modes == lines.references:
@@ -212,15 +212,15 @@ def _with_more_modes(lines: JointLines, fit: JointFit, at: int) -> JointFit | No
     return tried if _better(tried, fit) else None
 
 
-def _promises(lines: JointLines, fit: JointFit, richer: Participation) -> bool:
+def _promises(lines: JointLines, fit: SharedFit, richer: Participation) -> bool:
     """Tell whether a model gains enough at its start for a fit to be worth while."""
-    left = float((_Projection(lines, richer).residual ** 2).sum())
+    left = float((_SharedProjection(lines, richer).residual ** 2).sum())
     gain = (fit.chi_square - left) / max(1.0, fit.misfit)
     more = len(richer.unknowns) - len(fit.found.unknowns) + fit.dof - _freedom(lines, richer)
     return bool(scipy.special.chdtrc(more, max(gain, 0.0)) < PROMISE)
 
 
-def _with_fewer_modes(lines: JointLines, fit: JointFit, at: int) -> JointFit | None:
+def _with_fewer_modes(lines: JointLines, fit: SharedFit, at: int) -> SharedFit | None:
     """Take a mode from a pole, if lines do not need it."""
     modes = [p.modes - (k == at) for k, p in enumerate(fit.found.poles)]
     if not modes[at]:
@@ -230,7 +230,7 @@ def _with_fewer_modes(lines: JointLines, fit: JointFit, at: int) -> JointFit | N
     return None if _better(fit, tried) else tried
 
 
-def _parted(lines: JointLines, fit: JointFit, at: int) -> JointFit | None:
+def _parted(lines: JointLines, fit: SharedFit, at: int) -> SharedFit | None:
     """Part a pole of several modes into poles of one mode each, if lines need that."""
     pole = fit.found.poles[at]
     if pole.modes == 1:
@@ -245,7 +245,7 @@ def _parted(lines: JointLines, fit: JointFit, at: int) -> JointFit | None:
     return tried if _better(tried, fit) else None
 
 
-def _distances(lines: JointLines, fit: JointFit, at: int) -> tuple[ComplexArray, ComplexArray]:
+def _distances(lines: JointLines, fit: SharedFit, at: int) -> tuple[ComplexArray, ComplexArray]:
     """Estimate how far the modes of a pole are from it, rad/s, and how shapes mix in them."""
     values, pole = _values(fit), fit.found.poles[at]
     next_term = lines.residues(values, values[at : at + 1])[0]
@@ -255,7 +255,7 @@ def _distances(lines: JointLines, fit: JointFit, at: int) -> tuple[ComplexArray,
     return distance, turned
 
 
-def _with_distances(lines: JointLines, fit: JointFit) -> JointFit:
+def _with_distances(lines: JointLines, fit: SharedFit) -> SharedFit:
     """Put into the covariance of poles of several modes how far these may be apart."""
     covariance, count = fit.covariance.copy(), len(fit.found.poles) + len(fit.found.beyond)
     for k, pole in enumerate(fit.found.poles):
@@ -266,13 +266,13 @@ def _with_distances(lines: JointLines, fit: JointFit) -> JointFit:
     return replace(fit, covariance=covariance)
 
 
-def _with(fit: JointFit, at: int, *others: SharedPole) -> Participation:
+def _with(fit: SharedFit, at: int, *others: SharedPole) -> Participation:
     """Put other poles in the place of one."""
     poles = fit.found.poles
     return replace(fit.found, poles=(*poles[:at], *others, *poles[at + 1 :]))
 
 
-def _with_others(lines: JointLines, best: JointFit) -> JointFit:
+def _with_others(lines: JointLines, best: SharedFit) -> SharedFit:
     """Add poles beside the band, as lines ask for them."""
     omega = lines.omega
     for side, step in ((omega[-1], 1), (omega[0], -1)):
@@ -311,7 +311,7 @@ def _bounds(model: Participation, omega: Array) -> tuple[Array, Array]:
     return low, high
 
 
-def _fitted(lines: JointLines, start: Participation) -> JointFit:
+def _fitted(lines: JointLines, start: Participation) -> SharedFit:
     """Fit all unknowns near a start."""
     if not _enough(lines, start):
         raise UserError(
@@ -323,10 +323,10 @@ def _fitted(lines: JointLines, start: Participation) -> JointFit:
     steps = np.repeat([*STEP, SHARE_STEP], [count, count, len(low) - 2 * count])
 
     def left_over(unknowns: Array) -> Array:
-        return _Projection(lines, start.at(unknowns)).residual.ravel()
+        return _SharedProjection(lines, start.at(unknowns)).residual.ravel()
 
     def jacobian(unknowns: Array) -> Array:
-        return _Projection(lines, start.at(unknowns)).jacobian(whole=True)
+        return _SharedProjection(lines, start.at(unknowns)).jacobian(whole=True)
 
     solution = scipy.optimize.least_squares(
         left_over,
@@ -341,21 +341,21 @@ def _fitted(lines: JointLines, start: Participation) -> JointFit:
     return _evaluated(lines, start.at(solution.x))
 
 
-def _evaluated(lines: JointLines, model: Participation) -> JointFit:
+def _evaluated(lines: JointLines, model: Participation) -> SharedFit:
     """Put poles in rising order, and tell how well they fit."""
     order = np.argsort([abs(pole.value) for pole in model.poles], kind="stable")
     model = replace(model, poles=tuple(model.poles[k] for k in order))
-    last = _Projection(lines, model)
+    last = _SharedProjection(lines, model)
     slope = last.jacobian(whole=False)
     covariance = np.asarray(np.linalg.pinv(slope.T @ slope), float)
     columns = last.residual.shape[1]
     squares = (last.residual**2).sum(axis=1).reshape(-1, lines.lines).sum(axis=0)
     free = (1 - (last.unitary**2).sum(axis=1)) * columns
     by_line = np.asarray(squares / free.reshape(-1, lines.lines).sum(axis=0))
-    return JointFit(model, covariance, float(squares.sum()), _freedom(lines, model), by_line)
+    return SharedFit(model, covariance, float(squares.sum()), _freedom(lines, model), by_line)
 
 
-class _Projection:
+class _SharedProjection:
     """Least squares of the linear coefficients at given poles and shares."""
 
     def __init__(self, lines: JointLines, model: Participation):
