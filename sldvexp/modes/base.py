@@ -9,6 +9,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sldvexp.errors import UserError
+from sldvexp.modes.compression import PrincipalResponses
+from sldvexp.modes.harmonics import LineHarmonics
+from sldvexp.modes.likelihood import PoleFit
 from sldvexp.modes.participation import Participation
 from sldvexp.modes.responses import Responses
 from sldvexp.modes.stabilisation import Stabilisation
@@ -30,6 +33,10 @@ class ModalFit:
         method that has none.
     chi_square, dof : float
         Weighted squares of what the modes leave over of the lines, and their expectation.
+    weight : ndarray, shape (line,)
+        Of the lines: 1 over what noise and harmonics are there, in units of a pixel's noise.
+    harmonics : LineHarmonics
+        Those that the weights rest on.
     by_line : ndarray, shape (line,)
         Ratio of the two, line by line.
     responses : int
@@ -50,6 +57,8 @@ class ModalFit:
     chi_square: float
     dof: float
     by_line: Array
+    weight: Array
+    harmonics: LineHarmonics
     responses: int
     noise_ratio: float
     stabilisation: Stabilisation
@@ -79,16 +88,44 @@ class ModalFit:
                 f"the mode at {hertz:.5g} Hz is damped by the exponential window alone, as far as "
                 "lines tell; take longer records and a longer scan.sampling.decay"
             )
-        own = -self.pole.real  # of s by ln w and by ln zeta
-        free = left**2 + self.pole.imag**2
-        by_natural = (left * own + self.pole.imag**2) / free, (left * own - own**2) / free
-        by_damping = own / left - by_natural[0], own / left - by_natural[1]
-        slope = np.block([[np.diag(part) for part in row] for row in (by_natural, by_damping)])
+        slope = self.slope(rate)
         return replace(
             self,
             pole=self.pole + rate,
             covariance=slope @ self.covariance @ slope.T,
             stabilisation=replace(self.stabilisation, pole=self.stabilisation.pole + rate),
+        )
+
+    def slope(self, rate: float) -> Array:
+        """Differentiate ln w and ln zeta without a window's decay rate by those with it."""
+        own, left = -self.pole.real, -self.pole.real - rate
+        free = left**2 + self.pole.imag**2
+        # Of s by ln w and ln zeta alike; of d^2 / 2 by either.
+        by_natural = (left * own + self.pole.imag**2) / free, (left * own - own**2) / free
+        by_damping = own / left - by_natural[0], own / left - by_natural[1]
+        return np.block([[np.diag(part) for part in row] for row in (by_natural, by_damping)])
+
+    @classmethod
+    def from_poles(
+        cls,
+        fit: PoleFit,
+        principal: PrincipalResponses,
+        harmonics: LineHarmonics,
+        stabilisation: Stabilisation,
+    ) -> ModalFit:
+        """Join poles with what they were found in; their starts are numbers of stable modes."""
+        return cls(
+            fit.pole,
+            fit.beyond,
+            fit.covariance,
+            fit.chi_square,
+            fit.dof,
+            fit.by_line,
+            principal.weight,
+            harmonics,
+            len(principal.values),
+            principal.noise_ratio,
+            stabilisation.renumbered(fit.start),
         )
 
 

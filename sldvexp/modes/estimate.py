@@ -104,18 +104,18 @@ def estimate_modes(
     p_value = float(chi_square_p_value(fit.chi_square, fit.dof))
     wider = inflation(fit.chi_square / fit.dof, p_value)
     fit = fit.widened(wider)
-    line_std = responses.noise()[1]
-    projection, covariance = _projection(fit, responses.frequency, 1 / line_std, added)
-    fit = fit.freed(added)
+    projection, covariance = _projection(fit, responses.frequency, added)
     mixing = projection.mixing(covariance)
-    found, sums, quality = {}, PhaseSums.empty(len(fit.pole)), LineSums.empty(len(line_std))
+    changes = np.asarray(np.linalg.solve(fit.slope(added).T, projection.changes), complex)
+    fit = fit.freed(added)
+    found, sums, quality = {}, PhaseSums.empty(len(fit.pole)), LineSums.empty(len(fit.weight))
     for modal in projection.images(responses):
         image = responses.images[modal.view.name]
         used = image["flags"].values == 0
         found[modal.view.name] = _image(modal, image, fit, mixing)
         sums += PhaseSums.of(modal.velocity[used], modal.std[used])
         quality += LineSums.of(modal, used)
-    modes = _modes(fit, responses, mixing, sums, quality)
+    modes = _modes(fit, responses, (mixing, changes), sums, quality)
     told = list(findings_about(modes, fit.responses))
     return ModalEstimate(fit, projection, modes, found, told)
 
@@ -132,15 +132,14 @@ def _responses(
     return join({first: images, **further}, method.lines, method.left_out)
 
 
-def _projection(
-    fit: ModalFit, lines: Array, weight: Array, added: float
-) -> tuple[ModalProjection, Array]:
+def _projection(fit: ModalFit, lines: Array, added: float) -> tuple[ModalProjection, Array]:
     """Make the least squares of modal images, and the covariance that its `mixing` takes."""
     model, covariance = fit.participation, fit.joint_covariance
     if model is None or covariance is None:
-        return ModalProjection(fit.pole, fit.beyond, lines, weight, added), fit.covariance
-    tiled = np.tile(lines, len(weight) // len(lines))
-    args = (fit.pole, fit.beyond, tiled, weight, added)
+        args = (fit.pole, fit.beyond, lines, fit.weight, fit.harmonics, added)
+        return ModalProjection(*args), fit.covariance
+    tiled = np.tile(lines, len(fit.weight) // len(lines))
+    args = (fit.pole, fit.beyond, tiled, fit.weight, fit.harmonics, added)
     return JointProjection(*args, participation=model), covariance
 
 
@@ -169,9 +168,14 @@ def _image(modal: ModalImage, image: xr.Dataset, fit: ModalFit, mixing: Array) -
 
 
 def _modes(
-    fit: ModalFit, responses: Responses, mixing: Array, sums: PhaseSums, quality: LineSums
+    fit: ModalFit,
+    responses: Responses,
+    shared: tuple[Array, ComplexArray],
+    sums: PhaseSums,
+    quality: LineSums,
 ) -> xr.Dataset:
-    """Make the group ``modes``."""
+    """Make the group ``modes``; `shared` are mixing and changes of the projection."""
+    mixing, changes = shared
     natural, damping = _natural(fit)
     count, candidates = len(fit.pole), fit.stabilisation
     relative = np.sqrt(np.diag(fit.covariance))
@@ -192,6 +196,7 @@ def _modes(
             "pole_parameter2": parameters,
             "line": np.arange(len(responses.frequency)),
             **({"reference": references} if references else {}),
+            "harmonic": fit.harmonics.order,
             "candidate": np.arange(len(size)),
         },
         natural_frequency=natural,
@@ -202,6 +207,7 @@ def _modes(
         scale_std=np.diag(mixing[0]),
         phase_std=np.diag(mixing[1]),
         mixing_std=mixing,
+        shape_change=np.stack([changes.real, changes.imag]),
         complexity=sums.complexity(),
         complexity_std=sums.complexity_std(),
         phase=sums.phase(),
@@ -219,6 +225,8 @@ def _modes(
         synthesis_rms=quality.rms("synthesis", len(responses.frequency)),
         residual_rms=quality.rms("residual", len(responses.frequency)),
         noise_rms=quality.rms("noise", len(responses.frequency)),
+        harmonics_rms=quality.rms("harmonics", len(responses.frequency)),
+        harmonic_ratio=fit.harmonics.ratio,
         candidate_order=candidates.order,
         candidate_frequency=size / (2 * np.pi),
         candidate_damping=-candidates.pole.real / size,

@@ -9,7 +9,7 @@ import numpy as np
 
 from sldvexp.modes.images import ModalProjection
 from sldvexp.modes.participation import Participation
-from sldvexp.typing import Array
+from sldvexp.typing import Array, ComplexArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,11 +36,12 @@ class JointProjection(ModalProjection):
         columns, own = self.participation.columns(self.omega), 2 * len(self.pole)
         return np.hstack([columns[:, 0:own:2], columns[:, 1:own:2], columns[:, own:]])
 
-    def mixing(self, covariance: Array) -> Array:
-        """See `ModalProjection`; the covariance is that of all unknowns of the participation."""
+    @cached_property
+    def slopes(self) -> ComplexArray:
+        """How errors of all unknowns change shapes, (unknown, mode, mode it belongs to)."""
         modes, scale = len(self.pole), self.scale
         count = len(self.participation.poles) + len(self.participation.beyond)
-        slopes = np.zeros((len(covariance), modes, modes), complex)
+        slopes = np.zeros((len(self.participation.unknowns), modes, modes), complex)
         for k, (own, change) in enumerate(self.participation.changes(self.omega)):
             if own[0] >= 2 * modes:
                 continue  # a pole beside the band, whose shapes are not told
@@ -52,8 +53,19 @@ class JointProjection(ModalProjection):
                 slopes[k, :, mode] = (into + 1j * turned) * scale / scale[mode]
                 if k < 2 * count:
                     slopes[k, mode, mode] += self.scale_change(mode, k >= count)
+        return slopes
+
+    @property
+    def changes(self) -> ComplexArray:
+        """See `ModalProjection`; shares are no part of it."""
+        of_pole, modes = self.participation.pole_of_mode, np.arange(len(self.pole))
+        count = len(self.participation.poles) + len(self.participation.beyond)
+        return np.concatenate([self.slopes[first + of_pole, :, modes] for first in (0, count)])
+
+    def mixing(self, covariance: Array) -> Array:
+        """See `ModalProjection`; the covariance is that of all unknowns of the participation."""
         parts = [
             np.einsum("iab,ij,jab->ab", part, covariance, part)
-            for part in (slopes.real, slopes.imag)
+            for part in (self.slopes.real, self.slopes.imag)
         ]
         return np.sqrt(np.stack(parts))

@@ -347,7 +347,7 @@ def _evaluated(lines: JointLines, model: Participation) -> SharedFit:
     model = replace(model, poles=tuple(model.poles[k] for k in order))
     last = _SharedProjection(lines, model)
     slope = last.jacobian(whole=False)
-    covariance = np.asarray(np.linalg.pinv(slope.T @ slope), float)
+    covariance = lines.principal.covariance(slope)
     columns = last.residual.shape[1]
     squares = (last.residual**2).sum(axis=1).reshape(-1, lines.lines).sum(axis=0)
     free = (1 - (last.unitary**2).sum(axis=1)) * columns

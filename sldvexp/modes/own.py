@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -11,8 +11,9 @@ from sldvexp.config.registry import register
 from sldvexp.errors import Checks, UserError
 from sldvexp.modes.base import ModalFit, ModalMethod
 from sldvexp.modes.compression import PrincipalResponses, compress
+from sldvexp.modes.harmonics import LineHarmonics, find_harmonics, weigh
 from sldvexp.modes.joint_likelihood import JointLines, most_likely_jointly
-from sldvexp.modes.likelihood import most_likely
+from sldvexp.modes.likelihood import most_likely, without_noise
 from sldvexp.modes.lscf import poles_by_order
 from sldvexp.modes.references import JointResponses
 from sldvexp.modes.responses import Responses
@@ -101,20 +102,15 @@ class MostLikelyModes(ModalMethod):
         band = f"between {responses.frequency[0]:g} and {responses.frequency[-1]:g} Hz"
         if not found.modes:
             raise UserError(f"no mode lies {band}: no pole stays as the order grows")
-        fit = most_likely(principal, found.starts())
+        fit = without_noise(principal, most_likely(principal, found.starts()))
+        harmonics = find_harmonics(responses, principal, fit.by_line)
+        if len(harmonics.order) and len(fit.pole):
+            principal = weigh(principal, responses, harmonics)
+            again = most_likely(principal, fit.pole)
+            fit = replace(again, start=fit.start[again.start])
         if not len(fit.pole):
             raise UserError(f"no mode lies {band}: those that are seen lie beside it")
-        return ModalFit(
-            fit.pole,
-            fit.beyond,
-            fit.covariance,
-            fit.chi_square,
-            fit.dof,
-            fit.by_line,
-            len(principal.values),
-            principal.noise_ratio,
-            found.renumbered(fit.start),
-        )
+        return ModalFit.from_poles(fit, principal, harmonics, found)
 
     def _identify_jointly(
         self, responses: JointResponses, principal: PrincipalResponses
@@ -138,6 +134,8 @@ class MostLikelyModes(ModalMethod):
             fit.chi_square,
             fit.dof,
             fit.by_line,
+            principal.weight,
+            LineHarmonics.none(len(principal.weight)),
             len(principal.values),
             principal.noise_ratio,
             found.nearest(fit.found.pole),

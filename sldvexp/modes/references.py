@@ -14,7 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from sldvexp.errors import UserError
+from sldvexp.lazy import scipy
 from sldvexp.lazy import xarray as xr
+from sldvexp.modes.line_noise import line_correlation, of_parts
 from sldvexp.modes.responses import SAME_LINE, Responses, ViewResponses
 from sldvexp.typing import Array, ComplexArray
 
@@ -46,12 +48,28 @@ class JointResponses(Responses):
         return len(self.each) * len(self.place)
 
     @property
+    def correlation(self) -> Array | None:
+        """See `Responses`; noise of two references is independent."""
+        images = [next(iter(own.images.values())) for own in self.each.values()]
+        found = [line_correlation(image, self.frequency) for image in images]
+        if all(one is None for one in found):
+            return None
+        alone = np.eye(len(self.frequency), dtype=complex)
+        blocks = [alone if one is None else one for one in found]
+        return of_parts(np.asarray(scipy.linalg.block_diag(*blocks), complex))
+
+    @property
     def window_rate(self) -> float:
         """See `Responses`; that of all references."""
         rates = {own.window_rate for own in self.each.values()}
         if len(rates) > 1:
             raise UserError("references have exponential windows of several time constants")
         return rates.pop()
+
+    @property
+    def level(self) -> Array:
+        """See `Responses`."""
+        return np.concatenate([own.level for own in self.each.values()])
 
     def std(self, view: str) -> Array:
         """See `Responses`; lines of the second reference follow those of the first."""
@@ -62,7 +80,8 @@ class JointResponses(Responses):
         for parts in zip(*(own.views(flagged) for own in self.each.values()), strict=True):
             seen = np.concatenate([part.velocity for part in parts], axis=1)
             std = np.concatenate([part.std for part in parts], axis=1)
-            yield ViewResponses(parts[0].name, seen, std)
+            every = np.concatenate([part.every_line for part in parts], axis=1)
+            yield ViewResponses(parts[0].name, seen, std, every)
 
 
 def join(

@@ -294,7 +294,8 @@ def _fields_of_modes(run: Run) -> None:
             found = [_in_volume(e, tree, e.reconstruction)]
     except UserError as error:
         raise UserError(f"modal: {error}") from None
-    run.tree |= dict(zip(("modes/field", "modes/strain"), found, strict=False))
+    wider = (modes.with_pole_errors(each, run.tree["modes"]) for each in found)
+    run.tree |= dict(zip(("modes/field", "modes/strain"), wider, strict=False))
 
 
 def _streamed_field(run: Run) -> None:
@@ -508,7 +509,7 @@ STEPS: tuple[Step, ...] = (
         lambda e: bool(e.modal and e.reconstruction and e.volume and e.laser and e.solver),
         _fields_of_modes,
         makes=("modes/field", "modes/strain"),
-        needs=("pose", "volume", modes.estimate.MODAL_IMAGES),
+        needs=("modes", "pose", "volume", modes.estimate.MODAL_IMAGES),
         reads=SOLVING,
     ),
     Step(

@@ -20,13 +20,13 @@ NEEDED = ("candidate_frequency", "candidate_order", "candidate_stable", "candida
 #: Poles by what became of them: label, look, and how the mode's number and stability tell them.
 POLES: tuple[tuple[str, dict[str, Any]], ...] = (
     ("pole of one order", {"marker": "x", "color": style.COLOURS[-1], "markersize": 2.5}),
-    ("stable, of no mode", {"marker": "o", "color": style.COLOURS[4], "markersize": 2.5}),
-    ("of a mode", {"marker": "o", "color": style.COLOURS[1], "markersize": 3.2}),
+    ("stable pole of no mode", {"marker": "o", "color": style.COLOURS[4], "markersize": 2.5}),
+    ("pole of a mode", {"marker": "o", "color": style.COLOURS[1], "markersize": 3.2}),
 )
 #: Root mean squares over all pixels by what they are of, with their look.
 CURVES: dict[str, tuple[str, dict[str, Any]]] = {
     "measured_rms": ("measured", {"color": style.COLOURS[0], "linewidth": 1.4}),
-    "synthesis_rms": ("of the modes", {"color": style.COLOURS[2], "linestyle": "--"}),
+    "synthesis_rms": ("sum of the modes", {"color": style.COLOURS[2], "linestyle": "--"}),
     "residual_rms": ("left over", {"color": style.COLOURS[3], "linewidth": 0.8}),
     "noise_rms": ("stated noise", {"color": style.COLOURS[-1], "linestyle": ":"}),
 }
@@ -71,6 +71,7 @@ def stabilisation(source: Source | RunData) -> Figure:
     if spectra:
         _spectra(axes[1], modes, spectra)
     axes[-1].set_xlabel(FREQUENCY.titled())
+    axes[-1].xaxis.set_major_locator(style.ticks(8))
     for axis in axes:
         for hertz in modes["natural_frequency"].values:
             axis.axvline(hertz, zorder=0, **LINE)

@@ -132,13 +132,13 @@ def mode_table(modes: xr.Dataset) -> Table:
     >>> [list(column.cells)[0] for column in mode_table(modes).columns]
     ['1', '197.0000 ± 0.0020', '1.00000 ± 0.00098']
     >>> mode_table(modes).title
-    'Modes, with 95 % bounds; misfit 1.02 times the noise'
+    'Modes, with 95 % bounds; misfit 1.02 (noise alone: 1)'
     """
     level = f"{PERCENT * level_of(modes):g} %"
-    misfit = f"; misfit {number(float(modes['misfit']), 3)} times the noise"
-    title = f"Modes, with {level} bounds{misfit if 'misfit' in modes else ''}"
-    if "misfit_p_value" in modes:
-        title += f" ({_p(modes['misfit_p_value'])})"
+    title = f"Modes, with {level} bounds"
+    if "misfit" in modes:
+        p_value = f"; {_p(modes['misfit_p_value'])}" if "misfit_p_value" in modes else ""
+        title += f"; misfit {number(float(modes['misfit']), 3)} (noise alone: 1{p_value})"
     columns = ["mode", *POLES]
     known = poles(modes)
     cells = [list(map(str, modes["mode"].values)), *([row[i] for row in known] for i in (0, 1))]

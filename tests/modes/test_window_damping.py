@@ -6,7 +6,10 @@ import numpy as np
 import pytest
 from synthetic import DAMPING, FREQUENCY, LINE, identified, image, plate_shapes, responses
 
+from sldvexp import modes
 from sldvexp.errors import UserError
+from sldvexp.session.images import response_to_dataset
+from sldvexp.signal import Excitation, ExcitationKind, Response
 
 #: Time constant of the window, s.
 DECAY = 0.2
@@ -56,3 +59,43 @@ def test_a_mode_that_only_the_window_damps_and_windows_that_differ_are_refused()
         identified(spoilt)
     with pytest.raises(UserError, match=r"several time constants \(0\.1, 0\.2 s; 0 is none\)"):
         identified(windowed(shape, 1e-9), windowed(shape, 1e-9, decay=0.1))
+
+
+#: Three modes of 1 %, of hits in records of 0.8 s with a window of 0.1 s.
+HIT, RATE, SAMPLES = np.array([197.0, 439.0, 545.0]), 2560.0, 2048
+
+
+def hit(seed, pixels=60, records=8):
+    """Make the image of a hammer's records, with noise in the velocity."""
+    played = Excitation(ExcitationKind.hammer, [100.0, 700.0], decay=0.1, force=0.02)
+    made, rng = played.design(RATE, SAMPLES), np.random.default_rng(seed)
+    blow = np.append(made.waveform(), np.zeros(7 * SAMPLES))
+    line = np.fft.rfftfreq(len(blow), 1 / RATE)
+    shape = plate_shapes(pixels, 3, seed)
+    moved = responses(line, HIT, np.full(3, 0.01), shape) * np.fft.rfft(blow)
+    clean = np.fft.irfft(moved, len(blow))[:, None, :SAMPLES]
+    size = (pixels, records, SAMPLES)
+    seen = clean + 0.3 * np.sqrt((clean**2).mean()) * rng.standard_normal(size)
+    both = np.stack([seen, np.broadcast_to(blow[:SAMPLES], size)], axis=2)
+    signal = Response(velocity_per_volt=1.0)
+    found = signal.image(signal.sums(both, made), made)
+    return response_to_dataset(found, np.zeros((pixels, 2), int), np.zeros((pixels, 2))), shape
+
+
+@pytest.mark.parametrize("seeds", [3, pytest.param(20, marks=pytest.mark.long)])
+def test_bounds_hold_noise_that_a_window_makes_neighbouring_lines_share(seeds):
+    """As if lines were independent, errors would be three to four times their bounds."""
+    errors, spread = [], []
+    for seed in range(seeds):
+        image_, shape = hit(seed)
+        found = modes.estimate_modes({"view0": image_}, modes.MostLikelyModes())
+        own = found.modes
+        assert own["natural_frequency"].values == pytest.approx(HIT, rel=2e-3)  # and no false one
+        errors += [*(own["natural_frequency"] - HIT) / own["natural_frequency_std"]]
+        errors += [*(own["damping_ratio"] - 0.01) / own["damping_ratio_std"]]
+        amplitude = np.sqrt(np.mean(image_["reference_amplitude"].values ** 2))
+        seen = found.images["view0"]
+        apart = (seen["velocity"].values - amplitude * shape) / seen["velocity_std"].values
+        spread += [*apart.real.std(axis=0), *apart.imag.std(axis=0)]
+    for squares in (np.mean(np.square(errors)), np.mean(np.square(spread))):
+        assert abs(squares - 1) < 4 * np.sqrt(2 / len(errors)), squares

@@ -81,7 +81,7 @@ def test_a_run_without_modes_tells_what_it_told_before(tmp_path):
 
 def test_modes_are_a_table_with_bounds():
     (table,) = modal_tables(RunData({"modes": modes()}))
-    assert table.title == "Modes, with 95 % bounds; misfit 1.02 times the noise (p = 0.3)"
+    assert table.title == "Modes, with 95 % bounds; misfit 1.02 (noise alone: 1; p = 0.3)"
     assert column(table, "natural frequency, Hz")[1] == "439.0000 ± 0.0039"
     assert column(table, "damping, %")[2] == "1.00020 ± 0.00098"
     assert column(table, "complexity, ‰")[0] == "0.200 ± 0.020"

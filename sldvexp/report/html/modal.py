@@ -35,7 +35,8 @@ def modes_section(run: RunData) -> Section | None:
         return None
     note = (
         "Complexity is 0 where all pixels move in phase. The phase is that at resonance against "
-        "the reference. The bound of the shape's scale is common to all of a mode."
+        "the reference. The bound of the shape's scale is common to all of a mode, and is in the "
+        "bounds of its shape and strains."
     )
     table = HtmlTable.from_table(mode_table(run.groups["modes"]))
     return Section("Modes", having(table, Text(note, "small"), figures(run, "modes")))
