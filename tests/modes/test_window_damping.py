@@ -36,7 +36,7 @@ def test_poles_and_shapes_are_those_without_the_window():
 
 def test_bounds_are_those_of_the_damping_that_is_left():
     """Half of the lowest mode's damping is the window's, so that its relative error is larger."""
-    seeds, shape, errors, scales = 20, plate_shapes(100, 5), [], []
+    seeds, shape, errors, scales = 8, plate_shapes(100, 5), [], []
     for seed in range(seeds):
         found = identified(windowed(shape, 2e-5, np.random.default_rng(seed)))
         modes = found.modes
@@ -61,17 +61,18 @@ def test_a_mode_that_only_the_window_damps_and_windows_that_differ_are_refused()
         identified(windowed(shape, 1e-9), windowed(shape, 1e-9, decay=0.1))
 
 
-#: Three modes of 1 %, of hits in records of 0.8 s with a window of 0.1 s.
-HIT, RATE, SAMPLES = np.array([197.0, 439.0, 545.0]), 2560.0, 2048
+#: Three modes of 1 %, of hits in records of 0.4 s with a window of 0.1 s.
+HIT, RATE, SAMPLES = np.array([197.0, 439.0, 545.0]), 2560.0, 1024
 
 
-def hit(seed, pixels=60, records=8):
+def hit(seed, pixels=40, records=8):
     """Make the image of a hammer's records, with noise in the velocity."""
     played = Excitation(ExcitationKind.hammer, [100.0, 700.0], decay=0.1, force=0.02)
     made, rng = played.design(RATE, SAMPLES), np.random.default_rng(seed)
     blow = np.append(made.waveform(), np.zeros(7 * SAMPLES))
     line = np.fft.rfftfreq(len(blow), 1 / RATE)
     shape = plate_shapes(pixels, 3, seed)
+    line[0] = line[1] / 2  # nothing moves at 0 Hz; the model divides by it
     moved = responses(line, HIT, np.full(3, 0.01), shape) * np.fft.rfft(blow)
     clean = np.fft.irfft(moved, len(blow))[:, None, :SAMPLES]
     size = (pixels, records, SAMPLES)
@@ -82,9 +83,9 @@ def hit(seed, pixels=60, records=8):
     return response_to_dataset(found, np.zeros((pixels, 2), int), np.zeros((pixels, 2))), shape
 
 
-@pytest.mark.parametrize("seeds", [3, pytest.param(20, marks=pytest.mark.long)])
+@pytest.mark.parametrize("seeds", [2, pytest.param(20, marks=pytest.mark.long)])
 def test_bounds_hold_noise_that_a_window_makes_neighbouring_lines_share(seeds):
-    """As if lines were independent, errors would be three to four times their bounds."""
+    """As if lines were independent, errors would be two to three times their bounds."""
     errors, spread = [], []
     for seed in range(seeds):
         image_, shape = hit(seed)
