@@ -122,14 +122,17 @@ VARIABLES: dict[str, dict[str, Variable]] = {
         "complexity": _V("mode", "1", "1 - modal phase collinearity; 0 if all moves in phase"),
         "complexity_std": _V("mode", "1", "its standard error"),
         "phase": _V("mode", "rad", "phase of the mode at resonance against the reference", "deg"),
+        "reference": _V(
+            "", "V", "amplitude of the reference that modal velocities are for, if it is known"
+        ),
         "modal_scale": _V(
             "mode", "m/s", "r.m.s. velocity of all pixels at resonance, per unit of the reference"
         ),
         "modal_scale_std": _V("mode", "m/s", "its standard error"),
         "participation": _V(
-            "reference mode", "1", "response of the mode to the reference over that of its shape"
+            "exciter mode", "1", "response of the mode to the reference over that of its shape"
         ),
-        "participation_std": _V("reference mode", "1", "its standard error, of each part"),
+        "participation_std": _V("exciter mode", "1", "its standard error, of each part"),
         "misfit": _V(
             "", "1", "variance of what the modes leave over, over that of noise and harmonics"
         ),
@@ -178,6 +181,10 @@ VARIABLES: dict[str, dict[str, Variable]] = {
         "directed_p_value": _V("mode", "1", "probability of such a part if the shape is right"),
         "mixed": _V("mode model_mode", "1", "share of the model's other modes in the measured one"),
         "mixed_std": _V("mode model_mode", "1", "its standard error, per part"),
+        "modal_mass": _V(
+            "mode", "kg", "modal mass for a shape that is 1 where the model moves most"
+        ),
+        "modal_mass_std": _V("mode", "kg", "its standard error"),
         "shapes_p_value": _V("", "1", "probability of the chi2 of all shapes, poses in common"),
         "shapes_directed_p_value": _V("", "1", "the same of the directed part"),
         "frequencies_chi2": _V("", "1", "squares of all differences over their covariance"),

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sldvexp import dataset
-from sldvexp.dataset import Finding
+from sldvexp.dataset import MODAL_IMAGES, Finding
 from sldvexp.dataset.references import FIRST, REFERENCE
 from sldvexp.lazy import xarray as xr
 from sldvexp.modes.base import ModalFit, ModalMethod
@@ -23,8 +23,6 @@ from sldvexp.statistics import chi_square_p_value
 from sldvexp.typing import Array, ComplexArray
 
 PARTS = ("real", "imaginary")
-#: Names of the groups of modal images begin so, as ``modes/image/front``.
-MODAL_IMAGES = "modes/image/"
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,6 +114,9 @@ def estimate_modes(
         sums += PhaseSums.of(modal.velocity[used], modal.std[used])
         quality += LineSums.of(modal, used)
     modes = _modes(fit, responses, (mixing, changes), sums, quality)
+    if "reference" in modes:
+        first = next(iter(images.values()))["reference_amplitude"]
+        modes["reference"].attrs |= {k: first.attrs[k] for k in ("units",) if k in first.attrs}
     told = list(findings_about(modes, fit.responses))
     return ModalEstimate(fit, projection, modes, found, told)
 
@@ -181,6 +182,7 @@ def _modes(
     relative = np.sqrt(np.diag(fit.covariance))
     scale, scale_std = None, None
     nominal, references, share, share_std = _shares(fit, responses)
+    reference = None if references or not np.isfinite(responses.nominal) else responses.nominal
     if np.isfinite(nominal).all():
         scale = sums.rms() / nominal
         scale_std = scale * np.hypot(np.diag(mixing[0]), sums.rms_relative_std())
@@ -195,7 +197,7 @@ def _modes(
             "pole_parameter": parameters,
             "pole_parameter2": parameters,
             "line": np.arange(len(responses.frequency)),
-            **({"reference": references} if references else {}),
+            **({"exciter": references} if references else {}),
             "harmonic": fit.harmonics.order,
             "candidate": np.arange(len(size)),
         },
@@ -211,6 +213,7 @@ def _modes(
         complexity=sums.complexity(),
         complexity_std=sums.complexity_std(),
         phase=sums.phase(),
+        reference=reference,
         modal_scale=scale,
         modal_scale_std=scale_std,
         participation=share,

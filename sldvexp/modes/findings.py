@@ -189,7 +189,7 @@ def _repeated(modes: xr.Dataset) -> Iterator[Finding]:
         if end - begin > 1:
             named = " and ".join(str(k + 1) for k in range(begin, end))
             pivots = np.abs(modes["participation"].values[:, begin:end] - 1).argmin(axis=0)
-            places = " and ".join(str(modes["reference"].values[k]) for k in pivots)
+            places = " and ".join(str(modes["exciter"].values[k]) for k in pivots)
             yield Finding(
                 "repeated_modes",
                 f"modes {named}",

@@ -21,8 +21,8 @@ from sldvexp.modes.stabilisation import StabilityRules, stabilise
 
 #: Orders for each principal response, and at least, where no order is chosen.
 ORDERS_EACH, ORDERS = 8, 40
-#: Lines that the smallest fit needs.
-FEWEST_LINES = 8
+#: Lines that the smallest fit needs, and those that each signal needs for its pole.
+FEWEST_LINES, LINES_EACH = 8, 4
 
 
 @register("modal", "own")
@@ -101,7 +101,14 @@ class MostLikelyModes(ModalMethod):
         found = stabilise(poles, principal, self.rules)
         band = f"between {responses.frequency[0]:g} and {responses.frequency[-1]:g} Hz"
         if not found.modes:
-            raise UserError(f"no mode lies {band}: no pole stays as the order grows")
+            signals = len(principal.values)
+            wanted = LINES_EACH * signals
+            few = (
+                f"; {signals} signals stand out of the noise, for whose poles {lines} lines are "
+                f"too few: measure at least {wanted}, several across every resonance"
+            )
+            told = f"no mode lies {band}: no pole stays as the order grows"
+            raise UserError(told + (few if lines < wanted else ""))
         fit = without_noise(principal, most_likely(principal, found.starts()))
         harmonics = find_harmonics(responses, principal, fit.by_line)
         if len(harmonics.order) and len(fit.pole):

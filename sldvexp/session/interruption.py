@@ -7,9 +7,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from sldvexp.config.paths import JOURNAL
+from sldvexp.config.paths import CONFIGURATION, JOURNAL
 from sldvexp.errors import ConfigError, UserError
-from sldvexp.session.journal import CONFIGURATION
 
 #: How a sentence about the end of a run goes on that tells what is kept.
 LINES_KEPT, SCAN_KEPT = "what was scanned is kept", "the scan is kept"

@@ -61,7 +61,7 @@ def test_two_references_of_a_universal_file_tell_two_modes_of_one_frequency(sldv
     for name, true in (("natural_frequency", NATURAL), ("damping_ratio", DAMPING)):
         assert np.abs((found[name].values - true) / found[f"{name}_std"].values).max() < 3
         assert found[f"{name}_std"].values.max() < 1e-3 * true * (1 if true > 1 else 10)
-    assert found["reference"].values.tolist() == ["1+Z", "2+Z"]
+    assert found["exciter"].values.tolist() == ["1+Z", "2+Z"]
     assert set(done.tree["reference"].children) == {"2+Z"}
     assert set(done.tree["reference/2+Z"].children) == set(ORIGINS)
     assert done.tree["modes/field"].sizes["frequency"] == 2
@@ -71,7 +71,7 @@ def test_two_references_of_a_universal_file_tell_two_modes_of_one_frequency(sldv
     kept = Images(path=str(done.folder)).images()
     one = {k.removeprefix("image/"): v for k, v in kept.items() if k.startswith("image/")}
     again = estimate_modes(one, MostLikelyModes(), further_references(kept)).modes
-    assert again["reference"].values.tolist() == ["1+Z", "2+Z"]
+    assert again["exciter"].values.tolist() == ["1+Z", "2+Z"]
     assert np.array_equal(again["natural_frequency"], found["natural_frequency"])
 
 

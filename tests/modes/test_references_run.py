@@ -34,7 +34,7 @@ def test_scans_with_the_exciter_at_two_places_tell_two_modes_of_one_frequency(sl
     both = sldvexp(*images, f"instrument.further={{edge: {runs[1]}}}")
     assert both.status == 0, both.err
     found = both.tree["modes"]
-    assert found["reference"].values.tolist() == ["first", "edge"]
+    assert found["exciter"].values.tolist() == ["first", "edge"]
     error = found["natural_frequency"].values - FREQUENCY
     assert np.abs(error / found["natural_frequency_std"].values).max() < 3
     assert found["natural_frequency"].values == pytest.approx([FREQUENCY] * 2, rel=1e-4)
