@@ -26,6 +26,7 @@ SLOW = {
     "plate_faces",
     "plate_frf",
     "plate_hole",
+    "plate_model",
     "plate_modes",
     "plate_strain",
     "spoiled/bent_mirrors",

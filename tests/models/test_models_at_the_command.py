@@ -1,4 +1,4 @@
-"""A model that cannot be used is refused by the command before anything is measured."""
+"""The command accepts a right model; one of no use is refused before anything is measured."""
 
 from __future__ import annotations
 
@@ -8,6 +8,24 @@ from sldvexp.models import universal_text
 from tests.models.made_models import closed_form
 
 ELSEWHERE = "volume=grid volume.center=[0.42,0.14,0.0] volume.size=[0.26,0.21] volume.shape=[7,6]"
+
+#: A session of three views, few pixels, and lines around two of the modes.
+SMALL = [
+    *(f"~scan.{part}.views.{view}" for part in ("calibration", "structure") for view in (4, 5)),
+    *("scan.structure.pixels=[11,12]", "scan.calibration.fine.lines=16"),
+    f"scan.structure.sampling.frequency={[float(f) for f in range(400, 605, 5)]}".replace(" ", ""),
+    *("~expect.right_model", "~expect.modulus"),
+]
+
+
+def test_right_model_is_accepted(sldvexp):
+    done = sldvexp("experiment=plate_model", "report=none", *SMALL)
+    assert done.status == 0, done.err
+    assert "finite element model accepted (shapes accepted, frequencies accepted)" in done.out
+    model = done.tree["model"]
+    assert model["pair"].values.tolist() == [2, 3]
+    assert min(float(model[f"{name}_p_value"]) for name in ("shapes", "frequencies")) > 1e-3
+    assert abs(float(model["factor"].item()) - 1) < 4 * float(model["factor_std"].item())
 
 
 @pytest.mark.parametrize(

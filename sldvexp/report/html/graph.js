@@ -32,7 +32,7 @@ const makeGraph = (host, across, up) => {
     picture.replaceChildren(...lines, ...drawn);
     const wide = host.clientWidth || 600;
     numbers.replaceChildren(
-      ...steps(x[0], x[1], Math.max(2, Math.floor(wide / 110))).map((u) => tick("x", place(u), written(u))),
+      ...steps(x[0], x[1], Math.max(2, Math.floor(wide / 70))).map((u) => tick("x", place(u), written(u))),
       ...heights.map((v) => tick("y", share(v), written(Number(v.toPrecision(6))))),
       tick("x name", 0.5, across()), tick("y name", 0.5, up()));
   };
