@@ -110,7 +110,9 @@ class MostLikelyModes(ModalMethod):
             told = f"no mode lies {band}: no pole stays as the order grows"
             raise UserError(told + (few if lines < wanted else ""))
         fit = without_noise(principal, most_likely(principal, found.starts()))
-        harmonics = find_harmonics(responses, principal, fit.by_line)
+        harmonics = LineHarmonics.none(len(principal.weight))
+        if principal.correlation is None:  # noise that lines share would be taken for harmonics
+            harmonics = find_harmonics(responses, principal, fit.by_line)
         if len(harmonics.order) and len(fit.pole):
             principal = weigh(principal, responses, harmonics)
             again = most_likely(principal, fit.pole)
