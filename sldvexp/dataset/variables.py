@@ -129,6 +129,10 @@ VARIABLES: dict[str, dict[str, Variable]] = {
             "mode", "m/s", "r.m.s. velocity of all pixels at resonance, per unit of the reference"
         ),
         "modal_scale_std": _V("mode", "m/s", "its standard error"),
+        "participation": _V(
+            "exciter mode", "1", "response of the mode to the reference over that of its shape"
+        ),
+        "participation_std": _V("exciter mode", "1", "its standard error, of each part"),
         "misfit": _V(
             "", "1", "variance of what the modes leave over, over that of noise and harmonics"
         ),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path, PurePath
 
 import numpy as np
@@ -12,8 +12,9 @@ from omegaconf import MISSING
 from sldvexp import dataset
 from sldvexp.config.paths import locate
 from sldvexp.config.registry import register
-from sldvexp.errors import UserError
-from sldvexp.files import require_file
+from sldvexp.dataset.references import FURTHER
+from sldvexp.errors import Checks, UserError
+from sldvexp.files import require_file, unusable
 from sldvexp.importers.base import ImageImporter
 from sldvexp.lazy import xarray as xr
 
@@ -30,30 +31,59 @@ class Images(ImageImporter):
     path : str
         A run's folder or ``run.nc``, or a netCDF-4 file with the same groups ``image/<view>``:
         ``velocity`` (pixel, frequency) in m/s, ``velocity_std``, ``dac`` and ``flags``.
+    further : dict of str to str
+        Other such files, of the same pixels while the exciter was elsewhere, by a name of that
+        place; modes are found in all of them together.
     """
 
     path: str = MISSING
+    further: dict[str, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        checks = Checks()
+        for name in self.further:
+            wrong = unusable(name)
+            checks.require(not wrong, "further", f"the name of the place {name!r} {wrong}")
+        checks.done()
 
     def inputs(self) -> list[str]:
-        """Name the file."""
-        return [str(PurePath(self.path, "run.nc")) if locate(self.path).is_dir() else self.path]
+        """Name the files."""
+        return [
+            str(PurePath(path, "run.nc")) if locate(path).is_dir() else path
+            for path in (self.path, *self.further.values())
+        ]
 
     def images(self, chunks: Mapping[str, int] | None = None) -> dict[str, xr.Dataset]:
-        """Read the groups ``image/<view>``; with `chunks`, variables are Dask's, of the file."""
-        path = locate(*self.inputs())
-        require_file(path)
-        tree = dataset.load(path)
-        if "image" not in tree.children:
-            raise UserError(
-                f"{path}: has no velocity images; it needs a group image/<view> for each"
-            )
-        found = {}
-        for view, node in tree["image"].children.items():
-            group = _checked(node.to_dataset(inherit=False), f"{path}: the group image/{view}")
-            found[f"image/{view}"] = group.load() if chunks is None else in_chunks(group, chunks)
-        if chunks is None:
-            tree.close()
+        """Read the groups ``image/<view>``; with `chunks`, variables are Dask's, of the file.
+
+        Images of further places of excitation are the groups ``reference/<name>/<view>``.
+        """
+        found = _read(locate(self.inputs()[0]), chunks)
+        for name, path in zip(self.further, self.inputs()[1:], strict=True):
+            for group, image in _read(locate(path), None).items():
+                if group.startswith("image/"):
+                    found[f"{FURTHER}{name}/{group.removeprefix('image/')}"] = image
         return found
+
+
+def _read(path: Path, chunks: Mapping[str, int] | None) -> dict[str, xr.Dataset]:
+    """Read the groups of one file."""
+    require_file(path)
+    tree = dataset.load(path)
+    if "image" not in tree.children:
+        raise UserError(f"{path}: has no velocity images; it needs a group image/<view> for each")
+    found = {}
+    for view, node in tree["image"].children.items():
+        group = _checked(node.to_dataset(inherit=False), f"{path}: the group image/{view}")
+        found[f"image/{view}"] = group.load() if chunks is None else in_chunks(group, chunks)
+    for node in tree.leaves:
+        name = node.path.removeprefix("/")
+        if name.startswith(FURTHER):
+            group = node.to_dataset(inherit=False)
+            found[name] = _checked(group, f"{path}: the group {name}").load()
+    if chunks is None:
+        tree.close()
+    return found
 
 
 def _checked(image: xr.Dataset, where: str) -> xr.Dataset:

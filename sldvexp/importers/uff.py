@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from enum import Enum
 from typing import NamedTuple
 
@@ -13,6 +13,7 @@ import numpy as np
 from sldvexp.config.paths import locate
 from sldvexp.config.registry import register
 from sldvexp.dataset import Finding
+from sldvexp.dataset.references import FURTHER, REFERENCE
 from sldvexp.errors import Checks, UserError
 from sldvexp.importers.conventions import Conventions, Directions, Quantity, Zeros
 from sldvexp.importers.incomplete import then
@@ -40,6 +41,8 @@ from sldvexp.importers.uff_estimators import (
 from sldvexp.io.uff import Function, UniversalFile, UniversalGeometry, universal_file
 from sldvexp.io.uff.functions import DIRECTIONS, NODAL
 from sldvexp.io.uff.geometry import CARTESIAN, WORLD
+from sldvexp.laser import TwoMirror
+from sldvexp.lazy import xarray as xr
 from sldvexp.signal import Estimator
 from sldvexp.typing import Array, BoolArray, ComplexArray, IndexArray
 from sldvexp.unit_labels import same_unit
@@ -91,6 +94,9 @@ class UffImport(PointwiseImport):
     reference_dof : str
         Of the functions that are read, as ``1+Z``; needed if a file has several references.
         ``any`` if one excitation was behind them all.
+    further_references : list of str
+        Degrees of freedom of references whose functions are read besides, for modes of all of them
+        together (modal=own with a volume).
     averages : int
         Of spectra behind each response function, 2 or more: with it, standard errors come from the
         file's coherence functions, or from cross and both auto spectra. 0 if not known.
@@ -106,6 +112,7 @@ class UffImport(PointwiseImport):
     nodal_axes: NodalAxes | None = None
     containing: str = ""
     reference_dof: str = ""
+    further_references: list[str] = field(default_factory=list)
     averages: int = 0
     time_reference: str = ""
 
@@ -131,6 +138,36 @@ class UffImport(PointwiseImport):
         checks.positive("noise_ratio", self.noise_ratio)
         useless = self.noise_ratio != 1.0 and self.estimator is not Estimator.hv
         checks.require(not useless, "noise_ratio", "has no effect without estimator: hv")
+
+        named = [self.reference_dof, *self.further_references]
+        ok = not self.further_references or (all(named) and len(set(named)) == len(named))
+        several = "needs reference_dof besides, as 1+Z, and each reference once"
+        checks.require(ok and (ANY not in named or len(named) == 1), "further_references", several)
+
+    def read(
+        self, tree: Mapping[str, xr.Dataset] | None = None, laser: TwoMirror | None = None
+    ) -> xr.Dataset:
+        """Read the group ``line_of_sight``, of one reference."""
+        if self.further_references:
+            raise UserError(
+                "instrument.further_references: velocities of points are those of one reference; "
+                "modes of several need a volume, whose pixels the points become"
+            )
+        return super().read(tree, laser)
+
+    def images_of_points(
+        self, tree: Mapping[str, xr.Dataset], laser: TwoMirror | None
+    ) -> dict[str, xr.Dataset]:
+        """Read the groups ``image/<view>``, and those of further references."""
+        found = super().images_of_points(tree, laser)
+        if self.reference_dof not in ("", ANY):
+            named = {REFERENCE: self.reference_dof}
+            found = {name: group.assign_attrs(named) for name, group in found.items()}
+        for reference in self.further_references:
+            own = replace(self, reference_dof=reference, further_references=[])
+            for name, group in own.images_of_points(tree, laser).items():
+                found[f"{FURTHER}{reference}/{name.removeprefix('image/')}"] = group
+        return found
 
     def inputs(self) -> list[str]:
         """Name the universal files."""
@@ -449,19 +486,20 @@ def _coherence(
     has_coherences = any(f.kind == COHERENCE for f in file.functions)
     if functions[0].kind == FunctionKind.cross.value and not has_coherences:
         return coherence(settings.containing, file, functions, frequency, lines)
-    of_node = {
-        f.node: f
-        for f in file.functions
-        if f.kind == COHERENCE and (not view.dof or DIRECTIONS[f.direction] == view.dof)
-    }
+    of_node: dict[int, list[Function]] = {}
+    for f in file.functions:
+        if f.kind == COHERENCE and (not view.dof or DIRECTIONS[f.direction] == view.dof):
+            of_node.setdefault(f.node, []).append(f)
     square = np.empty((len(functions), len(frequency)))
     for i, function in enumerate(functions):
-        if function.node not in of_node:
+        every = of_node.get(function.node, [])
+        own = [f for f in every if f.reference_dof == function.reference_dof]
+        if not every:
             raise UserError(
                 f"{file.source.path}: has no coherence of node {function.node}, from which "
                 "instrument.averages makes standard errors; set instrument.std instead"
             )
-        _, values = file.values(of := of_node[function.node])
+        _, values = file.values(of := (own or every)[-1])
         if len(values) <= lines.max() or not ((values > 0) & (values <= 1)).all():
             raise file.wrong(of, "must be a coherence above 0 and up to 1 at every frequency")
         square[i] = np.real(values[lines])

@@ -30,6 +30,8 @@ from sldvexp.typing import Array, IndexArray
 MOTION = (0, 1, DISPLACEMENT, VELOCITY, ACCELERATION)
 #: Reference degree of freedom that is no restriction.
 ANY = "any"
+#: Setting of an importer for further references.
+OTHERS = "further_references"
 #: Which of several quantities of one motion is read.
 PREFERRED = (Quantity.velocity, Quantity.displacement, Quantity.acceleration)
 #: How far, relatively, witnesses of one motion may be apart, and functions that are witnesses.
@@ -190,12 +192,13 @@ class FunctionChoice:
         function = next(f for f in found if f.reference_dof != first.reference_dof)
         several = ", ".join(sorted({f.reference_dof for f in found}))
         why = f", as {ANY} cannot choose among functions of one node"
+        others = f", and for modes of all the others with instrument.{OTHERS}"
         return file.wrong(
             function,
             f"is of the reference {function.reference_dof}, data set {first.entry.number} of the "
             f"same node {first.node} of {first.reference_dof}; choose one of {several} with "
             f"instrument.reference_dof={first.reference_dof}"
-            f"{why if self.reference_dof == ANY else ''}",
+            f"{why if self.reference_dof == ANY else others}",
         )
 
 

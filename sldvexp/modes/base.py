@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+import numpy as np
+
+from sldvexp.errors import UserError
 from sldvexp.modes.compression import PrincipalResponses
 from sldvexp.modes.harmonics import LineHarmonics
 from sldvexp.modes.likelihood import PoleFit
+from sldvexp.modes.participation import Participation
 from sldvexp.modes.responses import Responses
 from sldvexp.modes.stabilisation import Stabilisation
 from sldvexp.typing import Array, ComplexArray
@@ -41,6 +45,10 @@ class ModalFit:
         Root of the variance of all that is no signal, over the stated one.
     stabilisation : Stabilisation
         Poles of all orders, and which became modes.
+    participation : Participation, optional
+        Of modes of several references; modes that share a pole have the same in `pole`.
+    joint_covariance : ndarray, shape (unknown, unknown), optional
+        Of all its unknowns.
     """
 
     pole: ComplexArray
@@ -54,6 +62,48 @@ class ModalFit:
     responses: int
     noise_ratio: float
     stabilisation: Stabilisation
+    participation: Participation | None = None
+    joint_covariance: Array | None = None
+
+    def widened(self, factor: float) -> ModalFit:
+        """Multiply covariances by a factor."""
+        joint = None if self.joint_covariance is None else factor * self.joint_covariance
+        return replace(self, covariance=factor * self.covariance, joint_covariance=joint)
+
+    def freed(self, rate: float) -> ModalFit:
+        """Take the decay rate off all poles, 1/s, that a window ``exp(-rate t)`` added.
+
+        Of ``s = zeta w`` and the damped frequency d, which stays: ``s' = s - rate`` and
+        ``w'^2 = s'^2 + d^2``.
+
+        Raises
+        ------
+        UserError
+            If a mode has no damping but the window's.
+        """
+        natural, left = np.abs(self.pole), -self.pole.real - rate
+        if (left <= 0).any():
+            hertz = float(natural[left.argmin()] / (2 * np.pi))
+            raise UserError(
+                f"the mode at {hertz:.5g} Hz is damped by the exponential window alone, as far as "
+                "lines tell; take longer records and a longer scan.sampling.decay"
+            )
+        slope = self.slope(rate)
+        return replace(
+            self,
+            pole=self.pole + rate,
+            covariance=slope @ self.covariance @ slope.T,
+            stabilisation=replace(self.stabilisation, pole=self.stabilisation.pole + rate),
+        )
+
+    def slope(self, rate: float) -> Array:
+        """Differentiate ln w and ln zeta without a window's decay rate by those with it."""
+        own, left = -self.pole.real, -self.pole.real - rate
+        free = left**2 + self.pole.imag**2
+        # Of s by ln w and ln zeta alike; of d^2 / 2 by either.
+        by_natural = (left * own + self.pole.imag**2) / free, (left * own - own**2) / free
+        by_damping = own / left - by_natural[0], own / left - by_natural[1]
+        return np.block([[np.diag(part) for part in row] for row in (by_natural, by_damping)])
 
     @classmethod
     def from_poles(

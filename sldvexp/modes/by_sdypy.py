@@ -23,6 +23,7 @@ from sldvexp.modes.harmonics import weigh
 from sldvexp.modes.likelihood import at_poles
 from sldvexp.modes.model import poles_of
 from sldvexp.modes.own import MostLikelyModes
+from sldvexp.modes.references import JointResponses
 from sldvexp.modes.responses import Responses
 
 #: How far lines may be from multiples of their spacing, in spacings.
@@ -72,6 +73,8 @@ class SdypyModes(ModalMethod):
         """See `ModalMethod`; the covariance is NaN."""
         from sdypy import EMA
 
+        if isinstance(responses, JointResponses):
+            raise UserError("modal=sdypy takes one reference; choose modal=own for several")
         line = responses.frequency
         spacing = (line[-1] - line[0]) / (len(line) - 1)
         if np.abs(line / spacing - np.rint(line / spacing)).max() > UNEVEN:

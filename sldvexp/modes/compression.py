@@ -39,6 +39,8 @@ class PrincipalResponses:
         Root of the variance of what is left over, over the stated one.
     pixels : int
         How many response functions there were.
+    correlation : ndarray, shape (2 line, 2 line), optional
+        Of the noise of real, then imaginary parts of the lines, if these are not independent.
     """
 
     frequency: Array
@@ -46,11 +48,27 @@ class PrincipalResponses:
     weight: Array
     noise_ratio: float
     pixels: int
+    correlation: Array | None = None
 
     @property
     def omega(self) -> Array:
         """Lines, rad/s."""
         return 2 * np.pi * self.frequency
+
+    def covariance(self, slope: Array) -> Array:
+        """Compute the covariance of what least squares find with some derivatives of the lines.
+
+        Parameters
+        ----------
+        slope : ndarray, shape (2 line response, unknown)
+            Of the values of all responses, line by line.
+        """
+        inverse = np.asarray(np.linalg.pinv(slope.T @ slope), float)
+        if self.correlation is None:
+            return inverse
+        by_line = slope.reshape(len(self.correlation), -1, slope.shape[1])
+        spread = np.tensordot(self.correlation, by_line, axes=1).reshape(slope.shape)
+        return np.asarray(inverse @ (slope.T @ spread) @ inverse, float)
 
     def weighted(self, rows: Array) -> Array:
         """Weight rows of real, then of imaginary parts, as of the model's `basis`."""
@@ -104,7 +122,9 @@ def compress(responses: Responses) -> PrincipalResponses:
     found = (size / _excess(size, count, columns))[:, None] * vectors[:signals]
     lines = len(line_std)
     values = found[:, :lines] + 1j * found[:, lines:]
-    return PrincipalResponses(responses.frequency, values, 1 / line_std, ratio, count)
+    return PrincipalResponses(
+        responses.frequency, values, 1 / line_std, ratio, count, responses.correlation
+    )
 
 
 def _signals(size: Array, rows: int, columns: int) -> tuple[int, float]:

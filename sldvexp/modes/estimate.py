@@ -3,21 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from sldvexp import dataset
 from sldvexp.dataset import MODAL_IMAGES, Finding
+from sldvexp.dataset.references import FIRST, REFERENCE
 from sldvexp.lazy import xarray as xr
 from sldvexp.modes.base import ModalFit, ModalMethod
 from sldvexp.modes.collinearity import PhaseSums
 from sldvexp.modes.findings import findings_about, inflation
 from sldvexp.modes.images import ModalImage, ModalProjection
+from sldvexp.modes.joint_images import JointProjection
 from sldvexp.modes.quality import LineSums
+from sldvexp.modes.references import JointResponses, join
 from sldvexp.modes.responses import Responses
 from sldvexp.statistics import chi_square_p_value
-from sldvexp.typing import Array
+from sldvexp.typing import Array, ComplexArray
 
 PARTS = ("real", "imaginary")
 
@@ -49,7 +52,11 @@ class ModalEstimate:
         return {"modes": self.modes, **named}
 
 
-def estimate_modes(images: Mapping[str, xr.Dataset], method: ModalMethod) -> ModalEstimate:
+def estimate_modes(
+    images: Mapping[str, xr.Dataset],
+    method: ModalMethod,
+    further: Mapping[str, Mapping[str, xr.Dataset]] | None = None,
+) -> ModalEstimate:
     """Find the modes of a structure in velocity images of many lines.
 
     Parameters
@@ -57,6 +64,8 @@ def estimate_modes(images: Mapping[str, xr.Dataset], method: ModalMethod) -> Mod
     images : mapping of str to xarray.Dataset
         Groups ``image/<view>`` by the name of the view, all with the same lines.
     method : ModalMethod
+    further : mapping of str to mapping of str to xarray.Dataset, optional
+        Images of the same pixels with other places of excitation, by the reference's name.
 
     Raises
     ------
@@ -87,28 +96,52 @@ def estimate_modes(images: Mapping[str, xr.Dataset], method: ModalMethod) -> Mod
     >>> found["natural_frequency"].values.round(2), found["damping_ratio"].values.round(4)
     (array([100.]), array([0.01]))
     """
-    responses = Responses.from_images(images, method.lines, method.left_out)
+    responses = _responses(images, method, further or {})
+    added = responses.window_rate
     fit = method.identify(responses)
     p_value = float(chi_square_p_value(fit.chi_square, fit.dof))
     wider = inflation(fit.chi_square / fit.dof, p_value)
-    fit = replace(fit, covariance=fit.covariance * wider)
-    projection = ModalProjection(
-        fit.pole, fit.beyond, responses.frequency, fit.weight, fit.harmonics
-    )
-    mixing = projection.mixing(fit.covariance)
+    fit = fit.widened(wider)
+    projection, covariance = _projection(fit, responses.frequency, added)
+    mixing = projection.mixing(covariance)
+    changes = np.asarray(np.linalg.solve(fit.slope(added).T, projection.changes), complex)
+    fit = fit.freed(added)
     found, sums, quality = {}, PhaseSums.empty(len(fit.pole)), LineSums.empty(len(fit.weight))
     for modal in projection.images(responses):
-        image = images[modal.view.name]
+        image = responses.images[modal.view.name]
         used = image["flags"].values == 0
         found[modal.view.name] = _image(modal, image, fit, mixing)
         sums += PhaseSums.of(modal.velocity[used], modal.std[used])
         quality += LineSums.of(modal, used)
-    modes = _modes(fit, responses, projection, sums, quality)
-    if responses.reference is not None:
+    modes = _modes(fit, responses, (mixing, changes), sums, quality)
+    if "reference" in modes:
         first = next(iter(images.values()))["reference_amplitude"]
         modes["reference"].attrs |= {k: first.attrs[k] for k in ("units",) if k in first.attrs}
     told = list(findings_about(modes, fit.responses))
     return ModalEstimate(fit, projection, modes, found, told)
+
+
+def _responses(
+    images: Mapping[str, xr.Dataset],
+    method: ModalMethod,
+    further: Mapping[str, Mapping[str, xr.Dataset]],
+) -> Responses:
+    """Take lines of one reference, or of several."""
+    if not further:
+        return Responses.from_images(images, method.lines, method.left_out)
+    first = next(iter(images.values()), xr.Dataset()).attrs.get(REFERENCE, FIRST)
+    return join({first: images, **further}, method.lines, method.left_out)
+
+
+def _projection(fit: ModalFit, lines: Array, added: float) -> tuple[ModalProjection, Array]:
+    """Make the least squares of modal images, and the covariance that its `mixing` takes."""
+    model, covariance = fit.participation, fit.joint_covariance
+    if model is None or covariance is None:
+        args = (fit.pole, fit.beyond, lines, fit.weight, fit.harmonics, added)
+        return ModalProjection(*args), fit.covariance
+    tiled = np.tile(lines, len(fit.weight) // len(lines))
+    args = (fit.pole, fit.beyond, tiled, fit.weight, fit.harmonics, added)
+    return JointProjection(*args, participation=model), covariance
 
 
 def _natural(fit: ModalFit) -> tuple[Array, Array]:
@@ -138,19 +171,20 @@ def _image(modal: ModalImage, image: xr.Dataset, fit: ModalFit, mixing: Array) -
 def _modes(
     fit: ModalFit,
     responses: Responses,
-    projection: ModalProjection,
+    shared: tuple[Array, ComplexArray],
     sums: PhaseSums,
     quality: LineSums,
 ) -> xr.Dataset:
-    """Make the group ``modes``."""
-    mixing, changes = projection.mixing(fit.covariance), projection.changes
+    """Make the group ``modes``; `shared` are mixing and changes of the projection."""
+    mixing, changes = shared
     natural, damping = _natural(fit)
     count, candidates = len(fit.pole), fit.stabilisation
     relative = np.sqrt(np.diag(fit.covariance))
-    scale, scale_std, reference = None, None, None
-    if responses.reference is not None:
-        reference = responses.nominal
-        scale = sums.rms() / responses.nominal
+    scale, scale_std = None, None
+    nominal, references, share, share_std = _shares(fit, responses)
+    reference = None if references or not np.isfinite(responses.nominal) else responses.nominal
+    if np.isfinite(nominal).all():
+        scale = sums.rms() / nominal
         scale_std = scale * np.hypot(np.diag(mixing[0]), sums.rms_relative_std())
     size = np.abs(candidates.pole)
     parameters = [f"{name}_{k + 1}" for name in ("frequency", "damping") for k in range(count)]
@@ -163,6 +197,7 @@ def _modes(
             "pole_parameter": parameters,
             "pole_parameter2": parameters,
             "line": np.arange(len(responses.frequency)),
+            **({"exciter": references} if references else {}),
             "harmonic": fit.harmonics.order,
             "candidate": np.arange(len(size)),
         },
@@ -181,17 +216,19 @@ def _modes(
         reference=reference,
         modal_scale=scale,
         modal_scale_std=scale_std,
+        participation=share,
+        participation_std=share_std,
         misfit=fit.chi_square / fit.dof,
         misfit_dof=fit.dof,
         misfit_p_value=chi_square_p_value(fit.chi_square, fit.dof),
         misfit_by_line=fit.by_line,
         line_frequency=responses.frequency,
         noise_ratio=fit.noise_ratio,
-        measured_rms=quality.rms("measured"),
-        synthesis_rms=quality.rms("synthesis"),
-        residual_rms=quality.rms("residual"),
-        noise_rms=quality.rms("noise"),
-        harmonics_rms=quality.rms("harmonics"),
+        measured_rms=quality.rms("measured", len(responses.frequency)),
+        synthesis_rms=quality.rms("synthesis", len(responses.frequency)),
+        residual_rms=quality.rms("residual", len(responses.frequency)),
+        noise_rms=quality.rms("noise", len(responses.frequency)),
+        harmonics_rms=quality.rms("harmonics", len(responses.frequency)),
         harmonic_ratio=fit.harmonics.ratio,
         candidate_order=candidates.order,
         candidate_frequency=size / (2 * np.pi),
@@ -199,3 +236,14 @@ def _modes(
         candidate_stable=candidates.stable,
         candidate_mode=candidates.mode + 1,
     )
+
+
+def _shares(
+    fit: ModalFit, responses: Responses
+) -> tuple[Array | float, list[str], ComplexArray | None, Array | None]:
+    """Tell the nominal excitation of each mode's shape, and how modes take part in references."""
+    model, covariance = fit.participation, fit.joint_covariance
+    if model is None or covariance is None or not isinstance(responses, JointResponses):
+        return responses.nominal, [], None, None
+    nominal = np.array([own.nominal for own in responses.each.values()])
+    return nominal[model.pivot], list(responses.each), model.share, model.share_std(covariance)

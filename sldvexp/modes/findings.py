@@ -57,6 +57,7 @@ def findings_about(modes: xr.Dataset, responses: int) -> Iterator[Finding]:
     yield from _misfit(modes, responses)
     yield from _noise(modes)
     yield from _close(modes)
+    yield from _repeated(modes)
     yield from _coarse(modes)
 
 
@@ -176,6 +177,29 @@ def _close(modes: xr.Dataset) -> Iterator[Finding]:
                 Severity.note,
                 size=float(share),
             )
+
+
+def _repeated(modes: xr.Dataset) -> Iterator[Finding]:
+    """Say which modes share a pole, so that their shapes are any two of a plane."""
+    natural, damping = modes["natural_frequency"].values, modes["damping_ratio"].values
+    begin = 0
+    for end in range(1, len(natural) + 1):
+        if end < len(natural) and (natural[end], damping[end]) == (natural[begin], damping[begin]):
+            continue
+        if end - begin > 1:
+            named = " and ".join(str(k + 1) for k in range(begin, end))
+            pivots = np.abs(modes["participation"].values[:, begin:end] - 1).argmin(axis=0)
+            places = " and ".join(str(modes["exciter"].values[k]) for k in pivots)
+            yield Finding(
+                "repeated_modes",
+                f"modes {named}",
+                f"{end - begin} modes share the pole at {natural[begin]:.5g} Hz as far as lines "
+                f"tell: their shapes are those that {places} excite, and any mixture of them is a "
+                "mode's shape as well",
+                Severity.note,
+                size=float(end - begin),
+            )
+        begin = end
 
 
 def _coarse(modes: xr.Dataset) -> Iterator[Finding]:

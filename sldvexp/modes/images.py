@@ -63,6 +63,8 @@ class ModalProjection:
     weight : ndarray, shape (line,)
     harmonics : LineHarmonics
         Of each pixel's strong lines, which add to its noise at others.
+    added : float, 1/s
+        Decay rate that a window added to all poles; velocities are told without it.
     """
 
     pole: ComplexArray
@@ -70,6 +72,12 @@ class ModalProjection:
     frequency: Array
     weight: Array
     harmonics: LineHarmonics
+    added: float = 0.0
+
+    @property
+    def scale(self) -> ComplexArray:
+        """Velocity at resonance, without the window's damping, per residue."""
+        return velocity_per_residue(self.pole + self.added)
 
     @property
     def omega(self) -> Array:
@@ -92,7 +100,7 @@ class ModalProjection:
 
     def images(self, responses: Responses) -> Iterator[ModalImage]:
         """Make the modal image of one view after the other."""
-        scale = velocity_per_residue(self.pole)
+        scale = self.scale
         modes = len(self.pole)
         power = self.inverse[: 2 * modes] ** 2
         for view in responses.views(flagged=True):
@@ -101,10 +109,21 @@ class ModalProjection:
             added = self.harmonics.variance(np.abs(view.every_line) ** 2 / 2) * responses.level**2
             variance = power @ np.tile(view.std**2 + added, 2).T
             std = np.abs(scale)[:, None] * np.sqrt((variance[:modes] + variance[modes:]) / 2)
+            std *= self._wider(responses)[:, None]
             synthesis = self.rows @ found
             lines = len(self.frequency)
             left = view.velocity - (synthesis[:lines] + 1j * synthesis[lines:]).T
             yield ModalImage(view, (scale[:, None] * residue).T, std.T, left, added)
+
+    def _wider(self, responses: Responses) -> Array:
+        """Compute by what noise that neighbouring lines share makes standard errors larger."""
+        modes, correlation = len(self.pole), responses.correlation
+        if correlation is None:
+            return np.ones(modes)
+        own = self.inverse[: 2 * modes] / np.tile(self.weight, 2)
+        more = np.einsum("ia,ab,ib->i", own, correlation, own, optimize=True)
+        ratio = (more[:modes] + more[modes:]) / (own**2).sum(axis=1).reshape(2, modes).sum(axis=0)
+        return np.asarray(np.sqrt(ratio))
 
     @cached_property
     def changes(self) -> ComplexArray:
@@ -114,7 +133,7 @@ class ModalProjection:
         modes, then of ln zeta.
         """
         modes = len(self.pole)
-        scale = velocity_per_residue(self.pole)
+        scale = self.scale
         slopes = np.zeros((2 * modes, modes), complex)
         for k, change in enumerate(
             basis_derivatives(self.pole, self.omega).reshape(2 * modes, -1, 2)
@@ -124,7 +143,7 @@ class ModalProjection:
             into = (moved[:modes, 0] + moved[modes:, 1]) / 2
             turned = (moved[modes:, 0] - moved[:modes, 1]) / 2
             slopes[k] = (into + 1j * turned) * scale / scale[mode]
-            slopes[k, mode] += self._scale_change(k)
+            slopes[k, mode] += self.scale_change(mode, k >= modes)
         return slopes
 
     def mixing(self, covariance: Array) -> Array:
@@ -147,8 +166,9 @@ class ModalProjection:
         parts = (by_mode.real, by_mode.imag)
         return np.sqrt(np.stack([np.einsum("pba,bpq,qba->ab", p, own, p) for p in parts]))
 
-    def _scale_change(self, unknown: int) -> float:
-        """Differentiate ln of v / R, which knows the damping alone, by an unknown."""
-        mode, by_damping = unknown % len(self.pole), unknown >= len(self.pole)
-        damping = -self.pole[mode].real / abs(self.pole[mode])
-        return float(-1 / (1 - damping**2)) if by_damping else 0.0
+    def scale_change(self, mode: int, by_damping: bool) -> float:
+        """Differentiate ln of v / R, the damped frequency over the decay rate, by an unknown."""
+        rate = -self.pole[mode].real
+        damping = rate / abs(self.pole[mode])
+        told = rate / (rate - self.added)
+        return float(-(damping**2) / (1 - damping**2) - told) if by_damping else float(1 - told)

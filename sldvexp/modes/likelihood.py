@@ -88,6 +88,34 @@ def most_likely(responses: PrincipalResponses, starts: ComplexArray) -> PoleFit:
     return best
 
 
+def without_noise(responses: PrincipalResponses, fit: PoleFit) -> PoleFit:
+    """Leave out modes whose residues are no more than noise that neighbouring lines share.
+
+    Such noise looks like a mode where the window makes it decay. Of each mode the squares of its
+    residues, over their covariance, are those of chi-square if it is none.
+    """
+    while responses.correlation is not None and len(fit.pole):
+        whole = np.append(fit.pole, fit.beyond)
+        inverse = np.linalg.pinv(responses.weighted(basis(whole, responses.omega)))
+        found = inverse @ split(responses.values.T)
+        spread = inverse @ responses.correlation @ inverse.T
+        chance = []
+        for k in range(len(fit.pole)):
+            own = [k, len(whole) + k]
+            squares = np.sum(found[own] * np.linalg.solve(spread[np.ix_(own, own)], found[own]))
+            squares /= max(1.0, fit.misfit)
+            chance.append(float(scipy.special.chdtrc(found[own].size, squares)))
+        worst = int(np.argmax(chance))
+        if chance[worst] < LEVEL:
+            break
+        left = np.delete(np.arange(len(fit.pole)), worst)
+        if not len(left):
+            return replace(fit, pole=fit.pole[:0], start=fit.start[:0])
+        again = _fitted(responses, fit.pole[left], fit.beyond)
+        fit = replace(again, start=fit.start[left][again.start])
+    return fit
+
+
 def _better(richer: PoleFit, poorer: PoleFit) -> bool:
     """Tell whether what one more pole gains is no chance."""
     gain = (poorer.chi_square - richer.chi_square) / max(1.0, richer.misfit)
@@ -168,7 +196,7 @@ def _evaluated(responses: PrincipalResponses, last: _Projection, starts: int) ->
     omega, values = responses.omega, last.residual
     count, lines = len(last.poles), len(omega)
     slope = last.jacobian(whole=False)
-    covariance = np.asarray(np.linalg.pinv(slope.T @ slope), float)
+    covariance = responses.covariance(slope)
     squares = (last.residual**2).sum(axis=1)
     free = (1 - (last.unitary**2).sum(axis=1)) * values.shape[1]
     by_line = np.asarray(squares.reshape(2, lines).sum(axis=0) / free.reshape(2, lines).sum(axis=0))

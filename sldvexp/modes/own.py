@@ -5,13 +5,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
+import numpy as np
+
 from sldvexp.config.registry import register
 from sldvexp.errors import Checks, UserError
 from sldvexp.modes.base import ModalFit, ModalMethod
 from sldvexp.modes.compression import PrincipalResponses, compress
-from sldvexp.modes.harmonics import find_harmonics, weigh
-from sldvexp.modes.likelihood import most_likely
+from sldvexp.modes.harmonics import LineHarmonics, find_harmonics, weigh
+from sldvexp.modes.joint_likelihood import JointLines, most_likely_jointly
+from sldvexp.modes.likelihood import most_likely, without_noise
 from sldvexp.modes.lscf import poles_by_order
+from sldvexp.modes.references import JointResponses
 from sldvexp.modes.responses import Responses
 from sldvexp.modes.stabilisation import StabilityRules, stabilise
 
@@ -86,6 +90,8 @@ class MostLikelyModes(ModalMethod):
                 "several across every resonance"
             )
         principal = compress(responses)
+        if isinstance(responses, JointResponses) and len(principal.values):
+            return self._identify_jointly(responses, principal)
         if not len(principal.values):
             raise UserError(
                 f"nothing stands out of the noise between {responses.frequency[0]:g} and "
@@ -103,8 +109,10 @@ class MostLikelyModes(ModalMethod):
             )
             told = f"no mode lies {band}: no pole stays as the order grows"
             raise UserError(told + (few if lines < wanted else ""))
-        fit = most_likely(principal, found.starts())
-        harmonics = find_harmonics(responses, principal, fit.by_line)
+        fit = without_noise(principal, most_likely(principal, found.starts()))
+        harmonics = LineHarmonics.none(len(principal.weight))
+        if principal.correlation is None:  # noise that lines share would be taken for harmonics
+            harmonics = find_harmonics(responses, principal, fit.by_line)
         if len(harmonics.order) and len(fit.pole):
             principal = weigh(principal, responses, harmonics)
             again = most_likely(principal, fit.pole)
@@ -112,6 +120,37 @@ class MostLikelyModes(ModalMethod):
         if not len(fit.pole):
             raise UserError(f"no mode lies {band}: those that are seen lie beside it")
         return ModalFit.from_poles(fit, principal, harmonics, found)
+
+    def _identify_jointly(
+        self, responses: JointResponses, principal: PrincipalResponses
+    ) -> ModalFit:
+        """Find poles of several references, and how many modes each has."""
+        joint = JointLines(principal, len(responses.each))
+        highest = min(self._highest_order(principal), joint.lines // 2)
+        poles = poles_by_order(joint.stacked, highest)
+        found = stabilise(poles, joint.stacked, self.rules)
+        band = f"between {responses.frequency[0]:g} and {responses.frequency[-1]:g} Hz"
+        if not found.modes:
+            raise UserError(f"no mode lies {band}: no pole stays as the order grows")
+        fit = most_likely_jointly(joint, found.starts())
+        of_pole = fit.found.pole_of_mode
+        count = len(fit.found.poles) + len(fit.found.beyond)
+        told = np.concatenate([of_pole, count + of_pole])
+        return ModalFit(
+            fit.found.pole,
+            fit.found.beyond,
+            fit.covariance[np.ix_(told, told)],
+            fit.chi_square,
+            fit.dof,
+            fit.by_line,
+            principal.weight,
+            LineHarmonics.none(len(principal.weight)),
+            len(principal.values),
+            principal.noise_ratio,
+            found.nearest(fit.found.pole),
+            fit.found,
+            fit.covariance,
+        )
 
     @property
     def rules(self) -> StabilityRules:

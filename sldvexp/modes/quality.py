@@ -52,6 +52,6 @@ class LineSums:
             self.harmonics + other.harmonics,
         )
 
-    def rms(self, of: str) -> Array:
-        """Take the root mean square over the pixels of one of the sums."""
-        return np.asarray(np.sqrt(getattr(self, of) / self.pixels))
+    def rms(self, of: str, lines: int) -> Array:
+        """Take the root mean square of one of the sums, over pixels and references."""
+        return np.asarray(np.sqrt(getattr(self, of).reshape(-1, lines).mean(axis=0) / self.pixels))

@@ -15,6 +15,7 @@ import numpy as np
 
 from sldvexp.errors import UserError
 from sldvexp.lazy import xarray as xr
+from sldvexp.modes.line_noise import line_correlation, of_parts
 from sldvexp.typing import Array, ComplexArray, IndexArray
 
 #: Lines of two views are the same if they differ by less, relatively.
@@ -116,6 +117,36 @@ class Responses:
         return cls(lines[place], images, place, _reference(images, place))
 
     @property
+    def columns(self) -> int:
+        """How many lines a pixel's row has, of all references."""
+        return len(self.place)
+
+    @property
+    def correlation(self) -> Array | None:
+        """Correlation of the noise of lines, of real, then imaginary parts; None if it is none."""
+        found = line_correlation(next(iter(self.images.values())), self.frequency)
+        return None if found is None else of_parts(found)
+
+    @property
+    def window_rate(self) -> float:
+        """Decay rate that an exponential window gave all responses, 1/s; 0 without one.
+
+        Raises
+        ------
+        UserError
+            If it is not the same in all views.
+        """
+        decays = {float(image.attrs.get("window_decay", 0.0)) for image in self.images.values()}
+        if len(decays) > 1:
+            raise UserError(
+                "views have exponential windows of several time constants "
+                f"({', '.join(f'{d:g}' for d in sorted(decays))} s; 0 is none), which add several "
+                "dampings to one mode; measure all with one scan.sampling.decay"
+            )
+        decay = decays.pop() if decays else 0.0
+        return 1 / decay if decay else 0.0
+
+    @property
     def nominal(self) -> float:
         """Amplitude of the reference that velocities are told for, V or N; NaN if unknown."""
         if self.reference is None:
@@ -134,9 +165,9 @@ class Responses:
             return np.ones(len(self.place))
         return self.nominal / self.reference
 
-    def _std(self, image: xr.Dataset) -> Array:
-        """Read the standard errors of an image, (pixel, line)."""
-        std = image["velocity_std"].values.astype(float)
+    def std(self, view: str) -> Array:
+        """Read the standard errors of all pixels of a view, (pixel, line)."""
+        std = self.images[view]["velocity_std"].values.astype(float)
         std = std[:, self.place] if std.ndim == 2 else std[:, None]
         return np.asarray(std * self.level)
 
@@ -146,7 +177,7 @@ class Responses:
             pixel = np.flatnonzero((image["flags"].values == 0) | flagged)
             every = np.asarray(image["velocity"].values[pixel], complex)
             seen = np.asarray(every[:, self.place] * self.level, complex)
-            yield ViewResponses(name, seen, self._std(image)[pixel], every)
+            yield ViewResponses(name, seen, self.std(name)[pixel], every)
 
     def noise(self) -> tuple[dict[str, Array], Array]:
         """Find the factors of the noise.
@@ -158,11 +189,11 @@ class Responses:
         line : ndarray, shape (line,)
             Root of the mean of the squares over all pixels, in units of the pixel's.
         """
-        line, pixel = np.ones(len(self.place)), {}
+        line, pixel = np.ones(self.columns), {}
         for _ in range(2):  # weights of lines by rough factors of the pixels, then these again
             squares = np.zeros(len(line))
             for name, image in self.images.items():
-                std = self._std(image)[image["flags"].values == 0]
+                std = self.std(name)[image["flags"].values == 0]
                 if not (np.isfinite(std) & (std > 0)).all():
                     raise UserError(f"view {name}: has unflagged pixels of unknown noise")
                 pixel[name] = np.sqrt(np.mean((std / line) ** 2, axis=1))

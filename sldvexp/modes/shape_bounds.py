@@ -21,6 +21,8 @@ from sldvexp.typing import Array, ComplexArray
 
 #: Name of this source of errors in a field's budget, and how sentences call it.
 SOURCE, CALLED = "poles", "frequencies and damping of the modes"
+#: What it does not hold, of modes of several references.
+SHARES = "participation of the modes in the references"
 
 
 def with_pole_errors(found: xr.Dataset, modes: xr.Dataset) -> xr.Dataset:
@@ -56,8 +58,9 @@ def with_pole_errors(found: xr.Dataset, modes: xr.Dataset) -> xr.Dataset:
     """
     covariance = modes["pole_covariance"].values
     if not np.isfinite(covariance).all():
-        untold = [t for t in (found.attrs.get("not_included", ""), CALLED) if t]
-        return found.assign_attrs(not_included="; ".join(untold))
+        return _without(found, CALLED)
+    if "participation" in modes:
+        found = _without(found, SHARES)
     parts = modes["shape_change"].transpose("part", "pole_parameter", "mode").values
     change, mixing = parts[0] + 1j * parts[1], modes["mixing_std"].values
     level = float(found.attrs.get("confidence_level", 0.95))
@@ -76,6 +79,12 @@ def with_pole_errors(found: xr.Dataset, modes: xr.Dataset) -> xr.Dataset:
         if name == "velocity":
             wider = _with_source(wider, by_part)
     return wider
+
+
+def _without(found: xr.Dataset, what: str) -> xr.Dataset:
+    """Say that bounds do not include something."""
+    untold = [t for t in (found.attrs.get("not_included", ""), what) if t]
+    return found.assign_attrs(not_included="; ".join(untold))
 
 
 def pole_variance(shape: ComplexArray, change: ComplexArray, covariance: Array) -> Array:

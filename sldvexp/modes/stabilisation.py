@@ -51,6 +51,11 @@ class Stabilisation:
             mode[self.mode == old] = new
         return replace(self, mode=mode)
 
+    def nearest(self, poles: ComplexArray) -> Stabilisation:
+        """Give clusters the number of the pole that lies nearest, of several that are equal one."""
+        own = np.array([int(np.abs(poles - start).argmin()) for start in self.starts()], int)
+        return replace(self, mode=np.where(self.mode < 0, -1, own[self.mode]))
+
     def starts(self) -> ComplexArray:
         """Take the medians of each mode's poles, rad/s."""
         own = [self.pole[self.mode == k] for k in range(self.modes)]

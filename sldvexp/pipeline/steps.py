@@ -20,6 +20,7 @@ from sldvexp.dataset import (
     findings_to_dataset,
     take_findings,
 )
+from sldvexp.dataset.references import FURTHER, further_references
 from sldvexp.errors import UserError
 from sldvexp.lazy import xarray as xr
 from sldvexp.pipeline.step import Run, Step, check_contracts
@@ -200,7 +201,11 @@ def _modes(run: Run) -> None:
         if k.startswith("image/") and not group.attrs.get("left_out")
     }
     try:
-        found = modes.estimate_modes(images, e.modal)
+        further = {
+            reference: {view: group for view, group in own.items() if view in images}
+            for reference, own in further_references(run.tree).items()
+        }
+        found = modes.estimate_modes(images, e.modal, further)
     except UserError as error:
         raise UserError(f"modal: {error}") from None
     run.tree |= found.groups()
@@ -454,7 +459,7 @@ STEPS: tuple[Step, ...] = (
         needs=("target", *SCANNED),
         reads=POSING,
     ),
-    Step(IMAGES, lambda e: hasattr(e.instrument, "images"), _images, makes=("image/",)),
+    Step(IMAGES, lambda e: hasattr(e.instrument, "images"), _images, makes=("image/", FURTHER)),
     Step(
         "line-of-sight velocities",
         lambda e: hasattr(e.instrument, "read") and not _has_pixels(e),
@@ -466,7 +471,7 @@ STEPS: tuple[Step, ...] = (
         PIXELS,
         lambda e: _has_pixels(e),
         _images_of_points,
-        makes=("image/", f"{VERDICT}/import"),
+        makes=("image/", FURTHER, f"{VERDICT}/import"),
         needs=("pose",),
         reads=("laser", "instrument"),
     ),
@@ -490,7 +495,7 @@ STEPS: tuple[Step, ...] = (
         lambda e: e.modal is not None,
         _modes,
         makes=("modes", MODAL_IMAGES, f"{VERDICT}/modes"),
-        needs=("image/",),
+        needs=("image/", FURTHER),
         reads=("modal",),
     ),
     Step(

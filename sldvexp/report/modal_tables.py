@@ -169,10 +169,17 @@ def mode_table(modes: xr.Dataset) -> Table:
         columns.append("shape's scale, ± ‰")
         factor = PER_MILLE * level_factor(modes)
         cells.append([number(factor * x, 2) for x in modes["scale_std"].values])
-    table = Table(*columns, title=title, title_justify="left")
+    table = Table(*columns, title=title, title_justify="left", caption=_of_references(modes))
     for row in zip(*cells, strict=True):
         table.add_row(*row)
     return table
+
+
+def _of_references(modes: xr.Dataset) -> str:
+    """Say what the number of references means for modes of one pole."""
+    if "exciter" not in modes.coords:
+        return "One reference: two modes of one frequency and damping would be one here."
+    return f"Of the references {', '.join(map(str, modes['exciter'].values))} together."
 
 
 def _bounded(modes: xr.Dataset, name: str, scale: float) -> list[str]:

@@ -297,10 +297,11 @@ def fitted(table: Table, width: int, keep: Collection[str] = (), rest: str = "")
             columns = [c for c in columns if c is not column]
             left_out.append(_plain(column.header))
     widths = _shared(columns, width)
-    caption = ""
+    said = [str(table.caption)] if table.caption else []
     if left_out:
         which = f"{len(left_out)} more column{'s' * (len(left_out) > 1)}"
-        caption = f"{which} in {rest}: {'; '.join(reversed(left_out))}"
+        said.append(f"{which} in {rest}: {'; '.join(reversed(left_out))}")
+    caption = "\n".join(said)
     made = Table(title=table.title, title_justify="left", caption=caption, caption_justify="left")
     for column, own in zip(columns, widths, strict=True):
         # a last resort: what is kept and still too wide ends in dots

@@ -65,7 +65,12 @@ class Sampling:
     burst : float
         Share of the record that a random burst plays for.
     decay : float, s
-        Time constant of a hammer's exponential window; 0 for none.
+        Time constant of a hammer's exponential window, which modes are freed of; 0 for none.
+    force : float, s
+        Length of a hammer's force window, beyond which its channel is taken for zero; 0 for none.
+    overlap : bool
+        Of random noise: whether stretches halfway between records are used besides, for records
+        that follow one another without a gap.
     records : int
         That are averaged; of a sine a pixel has one, whatever this says.
     lead : int, optional
@@ -90,6 +95,8 @@ class Sampling:
     seed: int = Excitation.seed
     burst: float = Excitation.burst
     decay: float = Excitation.decay
+    force: float = Excitation.force
+    overlap: bool = Excitation.overlap
     records: int = 10
     lead: int | None = None
     trigger: Trigger = Trigger.generator
@@ -152,6 +159,8 @@ class Sampling:
             self.seed,
             self.burst,
             self.decay,
+            self.force,
+            self.overlap,
         )
 
     @property

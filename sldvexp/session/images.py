@@ -92,7 +92,7 @@ def _responses(
     signal, design = camera.signal, camera.acquisition.drive
     assert isinstance(signal, Response)
     assert design is not None
-    at.findings.extend(find_response_findings(sums, design, at.view))
+    at.findings.extend(find_response_findings(sums, design, at.view, signal.mains))
     return signal.image(sums, design)
 
 

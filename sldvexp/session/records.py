@@ -185,7 +185,7 @@ def worst_first(sums: ResponseSums) -> IntArray:
     with np.errstate(invalid="ignore", divide="ignore"):
         explained = np.nansum(np.abs(sums.sxy) ** 2 / sums.sxx, axis=1)
         coherence = np.nan_to_num(explained / sums.syy.sum(axis=1))
-    moves = coherence * sums.count > NOTHING
+    moves = coherence * sums.averages > NOTHING
     return np.argsort(np.where(moves, coherence, np.inf), kind="stable")
 
 

@@ -34,6 +34,8 @@ from sldvexp.typing import Array, ComplexArray, IndexArray
 
 #: Share of a hammer's record before its pulse, from which a trigger is known to be complete.
 BEFORE_PULSE = 0.02
+#: Length of a force window in periods of the band's end, and the share of it that fades out.
+LEAST_FORCE, FADE = 2.0, 0.25
 #: How far a tone may be from a line, in line spacings: the phase then turns by less than 1e-5.
 ON_LINE = 1e-6
 
@@ -102,6 +104,11 @@ class Excitation:
         Share of the record that a `burst_random` plays for.
     decay : float, s
         Time constant tau of a hammer's exponential window; 0 for none.
+    force : float, s
+        Length of a hammer's force window, beyond which its channel is taken for zero; 0 for none.
+    overlap : bool
+        Whether `random` also uses stretches halfway between records, which must follow one another
+        without a gap.
     """
 
     kind: ExcitationKind = ExcitationKind.multisine
@@ -111,6 +118,8 @@ class Excitation:
     seed: int = 0
     burst: float = 0.5
     decay: float = 0.0
+    force: float = 0.0
+    overlap: bool = False
 
     def check(self, checks: Checks, name: str) -> None:
         """Note under `name` what is wrong."""
@@ -127,6 +136,16 @@ class Excitation:
         damped = self.decay == 0 or self.kind is ExcitationKind.hammer
         message = f"is the window of a hammer, not of {self.kind.name}"
         checks.require(damped, f"{name}.decay", message)
+        checks.non_negative(f"{name}.force", self.force)
+        hit = self.force == 0 or self.kind is ExcitationKind.hammer
+        message = f"is the window of a hammer, not of {self.kind.name}"
+        checks.require(hit, f"{name}.force", message)
+        short = self.force > 0 and rising and self.force * self.band[1] < LEAST_FORCE
+        message = f"must hold the pulse, {LEAST_FORCE / self.band[-1]:.3g} s or more"
+        checks.require(not short, f"{name}.force", message)
+        endless = not self.overlap or self.kind is ExcitationKind.random
+        message = f"is of random, whose records are windowed, not of {self.kind.name}"
+        checks.require(endless, f"{name}.overlap", message)
 
     @property
     def periodic(self) -> bool:
@@ -251,6 +270,16 @@ class RecordDesign:
             return np.exp(-n / (self.rate * self.excitation.decay))
         return np.ones(self.samples)
 
+    @property
+    def force_window(self) -> Array:
+        """Factor of each sample of a hammer's channel, 1 over the pulse, shape (sample,)."""
+        seconds, force = np.arange(self.samples) / self.rate, self.excitation.force
+        if force == 0:
+            return np.ones(self.samples)
+        end = BEFORE_PULSE * self.record_seconds + force
+        left = np.clip((end - seconds) / (FADE * force), 0, 1)
+        return np.asarray(0.5 - 0.5 * np.cos(np.pi * left), float)
+
     def added_damping(self, frequency: ArrayLike) -> Array:
         """Compute by how much the window raises damping ratios, ``1 / (tau omega_n)``.
 
@@ -316,6 +345,21 @@ class RecordDesign:
         if self.excitation.kind in (ExcitationKind.random, ExcitationKind.hammer):
             return (records - self.offset(records)) * self.window
         return records
+
+    def as_used(self, records: Array) -> Array:
+        """Apply the force window to the reference of records, shape (..., 2, sample)."""
+        if self.excitation.force == 0:
+            return records
+        reference = records[..., 1, :]
+        hit = (reference - self.offset(reference)) * self.force_window
+        return np.stack([records[..., 0, :], hit], axis=-2)
+
+    def between(self, records: NDArray) -> NDArray:
+        """Cut the stretches halfway between records, (pixel, record - 1, 2, sample)."""
+        half = self.samples // 2
+        parts = records[:, :-1, :, half:], records[:, 1:, :, : self.samples - half]
+        whole = np.concatenate(parts, axis=-1)
+        return np.asarray(whole[..., : self.samples])
 
     def offset(self, records: Array) -> Array:
         """Estimate the channel's offset, shape (..., 1): of a hammer from before its pulse."""

@@ -8,7 +8,7 @@ scatter of the records.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -27,6 +27,7 @@ from sldvexp.signal.record_faults import (
     limits_of,
     noise_power,
 )
+from sldvexp.signal.response_findings import MAINS
 from sldvexp.signal.response_function import (
     LEAST_RECORDS,
     Estimator,
@@ -95,15 +96,20 @@ class Response(SineFit):
         h1 with noise in the response alone, h2 in the reference alone, hv in both.
     noise_ratio : float, ((m/s)/V)2
         Of hv: noise power of the response over that of the reference.
+    mains : list of float, Hz
+        Frequencies of mains whose hum is looked for in broadband records; empty for none.
     """
 
     estimator: Estimator = Estimator.h1
     noise_ratio: float = 1.0
+    mains: list[float] = field(default_factory=lambda: list(MAINS))
 
     def __post_init__(self) -> None:
         super().__post_init__()
         checks = Checks()
         checks.positive("noise_ratio", self.noise_ratio)
+        for hertz in self.mains:
+            checks.positive("mains", hertz)
         useless = self.noise_ratio != 1.0 and self.estimator is not Estimator.hv
         checks.require(not useless, "noise_ratio", "has no effect without estimator: hv")
         checks.done()
@@ -154,6 +160,10 @@ class Response(SineFit):
             faults = find_record_faults(levels, self.flags, good)
             phasors = np.concatenate([part.phasors for part in parts])
             sums.add(phasors[:, :, 1], phasors[:, :, 0], faults, levels.noise)
+            if design.excitation.overlap:
+                phasors = np.concatenate([part.between for part in parts])
+                either = faults[:, :-1] | faults[:, 1:]
+                sums.add(phasors[:, :, 1], phasors[:, :, 0], either, between=True)
         return sums
 
     def response(self, sums: ResponseSums, design: RecordDesign) -> ResponseFunction:
@@ -192,17 +202,21 @@ def _flags(sums: ResponseSums) -> NDArray[np.uint8]:
 
 
 class _Transformed(NamedTuple):
-    """Records of some pixels: what they are judged by, phasors (pixel, record, 2, read)."""
+    """Records of some pixels: what they are judged by, phasors (pixel, record, 2, read).
+
+    With `Excitation.overlap` also the phasors of stretches between records, of one record less.
+    """
 
     levels: RecordLevels
     phasors: ComplexArray
+    between: ComplexArray
 
 
 def _transform(counts: NDArray, design: RecordDesign, scale: Array, bounds: Array) -> _Transformed:
     """Transform records to phasors in m/s and V, and measure what they are judged by."""
     saturated, finite = at_limits(counts, bounds), np.isfinite(counts).all(axis=(2, 3))
     volts = np.where(finite[..., None, None], counts, 0.0) * scale[:, None]
-    spectrum = np.fft.rfft(design.windowed(volts), axis=-1)
+    spectrum = np.fft.rfft(design.windowed(design.as_used(volts)), axis=-1)
     reference = volts[:, :, 1]
     levels = RecordLevels(
         saturated,
@@ -212,4 +226,5 @@ def _transform(counts: NDArray, design: RecordDesign, scale: Array, bounds: Arra
         np.sqrt(np.vecdot(reference, reference) / design.samples),
         np.abs(reference).max(axis=-1),
     )
-    return _Transformed(levels, design.phasors(spectrum))
+    overlapping = volts[:, :0] if not design.excitation.overlap else design.between(volts)
+    return _Transformed(levels, design.phasors(spectrum), design.spectra(overlapping))

@@ -17,11 +17,16 @@ late decay is that of the slowest resonance; of a burst of the length B that end
 record's end, H is there too small by ``exp(-a L) (1 - exp(-a B)) / (a B)``, of a hit by
 ``exp(-a L)``, and the coherence stays as it is. Noise is the same at all lags, and known.
 
+**Hum** of the mains is at multiples of 50 or 60 Hz and in no phase with the excitation: residual
+power of a line there, excited or not, that is far above that of the lines on either side.
+
 **Distortion** shows on lines that are not excited. Noise there is that of the excited lines'
 residuals.
 """
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -56,6 +61,9 @@ HIDDEN, NEGLIGIBLE = 2.0, 0.5
 #: Power at unexcited lines over the noise, from which it is distortion. They lie among the excited
 #: ones, so that noise of any colour is the same at both.
 DISTORTED = 1.1
+#: Frequencies of mains, Hz, and residual power at a multiple over that of each neighbour, from
+#: which it is hum; near resonances power changes from line to line as well.
+MAINS, HUMMING = (50.0, 60.0), 2.0
 #: Power of the reference at a line over the median line's, below which there is none.
 NO_ENERGY = 1e-4
 #: Most lines that a sentence names.
@@ -64,13 +72,17 @@ NAMED = 6
 MANY = 0.5
 
 
-def find_response_findings(sums: ResponseSums, design: RecordDesign, view: str) -> list[Finding]:
+def find_response_findings(
+    sums: ResponseSums, design: RecordDesign, view: str, mains: Sequence[float] = MAINS
+) -> list[Finding]:
     """Find what is wrong with the response functions of a view.
 
     Parameters
     ----------
     sums : ResponseSums
         Of its pixels, at `design.read_lines`.
+    mains : sequence of float, Hz
+        Frequencies of mains whose hum is looked for.
 
     Examples
     --------
@@ -91,6 +103,7 @@ def find_response_findings(sums: ResponseSums, design: RecordDesign, view: str) 
         found += _leakage(sums.at(excited), design, view)
     elif not design.excitation.periodic:
         found += _tail(sums, design, view)
+    found += _hum(sums, excited, view, mains)
     if not excited.all():
         found += _distortion(sums, excited, design, view)
     return found
@@ -161,7 +174,7 @@ def _leakage(sums: ResponseSums, design: RecordDesign, view: str) -> list[Findin
     """Name resonances at which leakage lowers the coherence, and a record that would do."""
     rest = _residual_power(sums)
     with np.errstate(invalid="ignore", divide="ignore"):
-        power = np.nansum(sums.syy / sums.count[:, None], axis=0)
+        power = np.nansum(sums.syy / sums.stretches[:, None], axis=0)
         response = np.nansum((np.abs(sums.sxy) / sums.sxx) ** 2, axis=0)
     beyond = _noise_of_lines(sums, design)
     noise = min(float(np.median(rest)), beyond or np.inf)
@@ -171,7 +184,7 @@ def _leakage(sums: ResponseSums, design: RecordDesign, view: str) -> list[Findin
     leaks = _resonances(response) & above & (error > LEAST_ERROR)
     if not leaks.any():
         return []
-    scatter = np.sqrt(rest / power / (2 * np.median(sums.count)))
+    scatter = np.sqrt(rest / power / (2 * np.median(sums.averages)))
     worst = float(error[leaks].max())
     severity = _weight(float((error / scatter)[leaks].max()))
     seconds = float(record_for(1 - error[leaks], design).max())
@@ -255,6 +268,43 @@ def _impulse_energy(sums: ResponseSums) -> tuple[Array, float, Array]:
     return energy, noise, response
 
 
+def _hum(
+    sums: ResponseSums, excited: BoolArray, view: str, mains: Sequence[float]
+) -> list[Finding]:
+    """Name lines at multiples of a mains frequency that have more noise than their neighbours."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        power = np.nansum(sums.syy / sums.stretches[:, None], axis=0)
+        response = np.nansum((np.abs(sums.sxy) / sums.sxx) ** 2, axis=0)
+    noise = np.where(excited, _residual_power(sums), power)
+    by_chance = CLEAR / np.sqrt(max(1, np.maximum(sums.count - 1, 0).sum()))
+    above = max(HUMMING, 1 + by_chance * np.sqrt(2))  # a ratio of two scattered powers
+    beside = np.full(len(noise), np.inf)
+    beside[1:-1] = np.maximum(noise[:-2], noise[2:])
+    stands_out = noise > above * beside
+    resonant = np.zeros(len(noise))
+    resonant[excited] = _resonances(response[excited])
+    stands_out &= np.convolve(resonant, np.ones(3), "same") == 0
+    frequency, spacing = sums.frequency, float(np.diff(sums.frequency).min(initial=np.inf))
+    found = []
+    for hertz in mains:
+        multiple = np.rint(frequency / hertz)
+        at = (np.abs(frequency - multiple * hertz) <= spacing / 2) & (multiple >= 1)
+        if (hums := stands_out & at).any():
+            found.append((hertz, hums))
+    if not found:
+        return []
+    hertz, hums = max(found, key=lambda each: int(each[1].sum()))
+    worst = float((noise / beside)[hums].max())
+    text = (
+        f"in view {view} mains of {hertz:g} Hz hum at {_named(frequency[hums])}, with up to "
+        f"{worst:.2g} times the noise of the lines beside; standard errors of excited lines hold "
+        "it as long as records begin at any phase of it"
+    )
+    leave = ",".join(f"{f:g}" for f in frequency[hums & excited])
+    remedy = f"modal.leave_out=[{leave}]" if leave else ""
+    return [Finding("hum", f"view {view}", text, Severity.note, remedy=remedy, size=worst)]
+
+
 def _distortion(
     sums: ResponseSums, excited: BoolArray, design: RecordDesign, view: str
 ) -> list[Finding]:
@@ -299,7 +349,9 @@ def _weight(error: float) -> Severity:
 
 def _residual_power(sums: ResponseSums) -> Array:
     """Estimate the power of a record that is not the reference's, pixels summed, shape (line,)."""
-    more = np.maximum(sums.count - 1, 1)[:, None]
+    # Of n records n - 1; of overlapping ones as many as there are, less what the fit takes.
+    worth = np.maximum(sums.averages, 2.0)
+    more = np.maximum(sums.stretches * (1 - 1 / worth), 1)[:, None]
     with np.errstate(invalid="ignore", divide="ignore"):
         rest = sums.syy - (sums.sxy.real**2 + sums.sxy.imag**2) / sums.sxx
     return np.asarray(np.nansum(np.maximum(rest, 0) / more, axis=0), float)

@@ -62,6 +62,9 @@ class ResponseFunction:
         ``g^2``; 1 with one record, whatever it is worth.
     records : ndarray of int, shape (pixel,)
         Behind each pixel.
+    averages : ndarray, shape (pixel,)
+        Independent records that these are worth, more than they are where stretches between them
+        are used.
     """
 
     frequency: Array
@@ -69,15 +72,16 @@ class ResponseFunction:
     std: Array
     coherence: Array
     records: IntArray
+    averages: Array
 
     def __repr__(self) -> str:
         pixels, lines = self.response.shape
         return f"response functions of {pixels} pixels at {lines} lines"
 
     @property
-    def dof(self) -> IntArray:
+    def dof(self) -> Array:
         """Degrees of freedom of each pixel's standard error, shape (pixel,)."""
-        return np.maximum(2 * (self.records - 1), 0)
+        return np.asarray(np.maximum(2 * (self.averages - 1), 0))
 
 
 def response_function(
@@ -106,14 +110,15 @@ def response_function(
         cross = sums.sxy.real**2 + sums.sxy.imag**2
         coherence = np.minimum(cross / (sums.sxx * sums.syy), 1.0)
         response = estimate(sums.sxx, sums.syy, sums.sxy, estimator, noise_ratio)
-        more = (sums.count - 1.0)[:, None]
+        more = (sums.averages - 1.0)[:, None]
         lost = np.maximum(1 - coherence, np.finfo(float).eps)  # rounding is no error of zero
         std = np.abs(response) * np.sqrt(lost / (2 * more * coherence))
         if estimator is Estimator.h1:  # also where nothing moves and |H| / g is 0 / 0
             rest = np.maximum(sums.syy - cross / sums.sxx, np.finfo(float).eps * sums.syy)
             std = np.sqrt(rest / (2 * more * sums.sxx))
     std[sums.count < LEAST_RECORDS] = np.nan
-    return ResponseFunction(sums.frequency, response, std, coherence, sums.count.copy())
+    found = sums.count.copy(), sums.averages
+    return ResponseFunction(sums.frequency, response, std, coherence, *found)
 
 
 def estimate(

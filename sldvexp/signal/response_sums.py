@@ -5,6 +5,13 @@ With the phasors X of the reference and Y of the response of one record,
 32 bytes a pixel and line, however many records there are. Records may come in any pieces, pixel by
 pixel or record by record, and also after a session was cut off. Beside them stands per pixel how
 many records were left out for which fault, and the noise beyond the band.
+
+Of noise that goes on from record to record, stretches halfway between two records may be added.
+They share half their samples with either, so that n records and m stretches are worth
+
+    (n + m)^2 / (n + m + 4 m c)
+
+independent ones, with the squared correlation c = 1/36 of Hann's window (Welch).
 """
 
 from __future__ import annotations
@@ -20,7 +27,9 @@ from sldvexp.signal.record_faults import RecordFault
 from sldvexp.typing import Array, BoolArray, ComplexArray, IntArray
 
 #: Sums over records, of each pixel.
-SUMS = ("sxx", "syy", "sxy", "count", "left_out", "noise")
+SUMS = ("sxx", "syy", "sxy", "count", "between", "left_out", "noise")
+#: Squared correlation of noise in two stretches that overlap by half, both with Hann's window.
+OVERLAPPED = 1 / 36
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -38,6 +47,8 @@ class ResponseSums:
         Of ``conj(X) Y``.
     count : ndarray of int, shape (pixel,)
         Good records.
+    between : ndarray of int, shape (pixel,)
+        Stretches halfway between two good records that are added besides.
     left_out : ndarray of int, shape (pixel, fault)
         Records with each `RecordFault`, by the first of those that a record has.
     noise : ndarray, shape (pixel,), (m/s)2
@@ -58,6 +69,7 @@ class ResponseSums:
     syy: Array
     sxy: ComplexArray
     count: IntArray
+    between: IntArray
     left_out: IntArray
     noise: Array
 
@@ -65,6 +77,18 @@ class ResponseSums:
         pixels, lines = self.sxx.shape
         least, most = (self.count.min(), self.count.max()) if pixels else (0, 0)
         return f"sums of {least} to {most} records: {pixels} pixels, {lines} lines"
+
+    @property
+    def stretches(self) -> IntArray:
+        """How many records and stretches between them are summed up, shape (pixel,)."""
+        return np.asarray(self.count + self.between)
+
+    @property
+    def averages(self) -> Array:
+        """How many independent records these are worth, shape (pixel,)."""
+        whole = np.maximum(self.stretches, 1.0)
+        worth = whole**2 / (whole + 4 * OVERLAPPED * self.between)
+        return np.asarray(np.where(self.count > 0, worth, 0.0))
 
     @classmethod
     def zeros(cls, pixels: int, frequency: ArrayLike) -> ResponseSums:
@@ -77,6 +101,7 @@ class ResponseSums:
             np.zeros(shape),
             np.zeros(shape, complex),
             np.zeros(pixels, np.int64),
+            np.zeros(pixels, np.int64),
             np.zeros((pixels, len(RecordFault)), np.int64),
             np.zeros(pixels),
         )
@@ -88,6 +113,7 @@ class ResponseSums:
         faults: ArrayLike | None = None,
         noise: ArrayLike | None = None,
         pixels: slice | None = None,
+        between: bool = False,
     ) -> None:
         """Add records; those with a fault are only counted.
 
@@ -101,6 +127,8 @@ class ResponseSums:
             Mean squares of the records' noise.
         pixels : slice, optional
             Which pixels they are of; all without it.
+        between : bool
+            Whether they are stretches halfway between records, whose faults are counted already.
         """
         x, y = np.asarray(reference, complex), np.asarray(response, complex)
         where = pixels or slice(None)
@@ -116,6 +144,9 @@ class ResponseSums:
         self.sxx[where] += (x.real**2 + x.imag**2).sum(axis=1)
         self.syy[where] += (y.real**2 + y.imag**2).sum(axis=1)
         self.sxy[where] += (np.conj(x) * y).sum(axis=1)
+        if between:
+            self.between[where] += good.sum(axis=1)
+            return
         self.count[where] += good.sum(axis=1)
         first = found & -found.astype(np.int64)  # the lowest bit
         for k, fault in enumerate(RecordFault):
@@ -157,7 +188,9 @@ class ResponseSums:
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, NDArray]) -> ResponseSums:
         """Make sums of what `to_arrays` gave; further arrays are not looked at."""
-        return cls(**{name: np.array(arrays[name]) for name in ("frequency", *SUMS)})
+        none = {"between": np.zeros_like(arrays["count"])}  # of a journal that knows of none
+        known = none | dict(arrays)
+        return cls(**{name: np.array(known[name]) for name in ("frequency", *SUMS)})
 
     def _require_lines(self, other: ResponseSums) -> None:
         if not np.array_equal(self.frequency, other.frequency):

@@ -26,7 +26,7 @@ from sldvexp.virtual_lab.electronics import Electronics, PixelNoise
 from sldvexp.virtual_lab.plate import VibratingPlate
 from sldvexp.virtual_lab.pointing import MirrorPath
 from sldvexp.virtual_lab.scene import Scene
-from sldvexp.virtual_lab.transients import Transients, long_period
+from sldvexp.virtual_lab.transients import DIFFERENT, Transients, long_period
 
 #: Pixels computed at once, filled up if they are fewer: arithmetic in arrays of one shape gives a
 #: pixel the same last bits wherever it stands in a list.
@@ -395,9 +395,9 @@ class VirtualLab:
         a = self._acquisition
         assert a is not None
         assert a.drive is not None
-        key = (self.view, a.drive)
+        key = (self.view, a.drive, -(-a.records // DIFFERENT))
         if self._moved is None or self._moved[0] != key:
-            played = self.scene.generator_gain * long_period(a.drive)
+            played = self.scene.generator_gain * long_period(a.drive, a.records)
             self._moved = key, Transients.computed(played, a.rate, self._spectra)
         return self._moved[1]
 

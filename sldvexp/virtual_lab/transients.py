@@ -69,20 +69,34 @@ class Transients:
         return np.asarray(np.einsum("pm,mn,pn->p", coefficient, gram, coefficient))
 
 
-#: Records of different noise in the long period.
+#: Records of different noise in the long period, at least; a multiple of it if more are taken.
 DIFFERENT = 128
 #: Silent records behind a hammer's blow, in which the response dies.
 SILENT = 15
 
 
-def long_period(design: RecordDesign) -> Array:
+def long_period(design: RecordDesign, records: int = 1) -> Array:
     """Make what the generator plays before it begins again, shape (sample,), V.
 
-    A periodic signal repeats with the record; noise goes on for many of them. A blow of the hammer
-    is padded with silence, so that each meets a structure at rest.
+    A periodic signal repeats with the record; noise goes on for many of them, and for more than a
+    pixel takes, so that no two records of a pixel have the same. A blow of the hammer is padded
+    with silence, so that each meets a structure at rest.
+
+    Parameters
+    ----------
+    design : RecordDesign
+    records : int
+        That are taken of a pixel.
+
+    Examples
+    --------
+    >>> from sldvexp.signal import Excitation, ExcitationKind
+    >>> design = Excitation(ExcitationKind.random).design(5120.0, 64)
+    >>> [len(long_period(design, records)) // 64 for records in (1, 128, 129)]
+    [128, 128, 256]
     """
     if design.excitation.periodic:
         return design.waveform()
     if design.excitation.kind is ExcitationKind.hammer:
         return np.concatenate([design.waveform(), np.zeros(SILENT * design.samples)])
-    return design.waveform(DIFFERENT)
+    return design.waveform(DIFFERENT * -(-records // DIFFERENT))

@@ -136,3 +136,11 @@ def test_a_missed_trigger_gives_a_record_without_a_blow(quiet):
     volts, _ = records(ours, how, np.tile(PIXELS[3], (100, 1)))
     hit = np.abs(volts[:, :, 1]).max(axis=2) > 0.5
     assert abs(hit.mean() - 0.8) < 4 * np.sqrt(0.8 * 0.2 / hit.size) + 0.2 / 16
+
+
+def test_no_two_records_of_a_pixel_have_the_same_noise_however_many_there_are(quiet):
+    ours = quiet("plate", target=None)
+    how = acquisition(ExcitationKind.random, records=260, samples=64)
+    reference = records(ours, how, PIXELS[3:4])[0][0, :, 1]
+    alike = np.corrcoef(reference) - np.eye(260)
+    assert np.abs(alike).max() < 0.9  # of 64 samples of a band; the same noise has 1
