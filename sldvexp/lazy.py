@@ -10,9 +10,11 @@ asking for the part alone would import the package at once.
 
 from __future__ import annotations
 
+import importlib
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from types import ModuleType
 from typing import TYPE_CHECKING
 
 import lazy_loader
@@ -22,8 +24,8 @@ if TYPE_CHECKING:  # so that type checkers see the libraries' own types
     import jinja2
     import markupsafe
     import netCDF4
+    import numpy
     import pandas
-    import pint
     import pyvisa
     import scipy
     import xarray
@@ -32,8 +34,8 @@ else:
     h5py = lazy_loader.load("h5py")
     markupsafe = lazy_loader.load("markupsafe")
     netCDF4 = lazy_loader.load("netCDF4")
+    numpy = lazy_loader.load("numpy")
     pandas = lazy_loader.load("pandas")
-    pint = lazy_loader.load("pint")
     pyvisa = lazy_loader.load("pyvisa")
     scipy = lazy_loader.load("scipy")
     xarray = lazy_loader.load("xarray")
@@ -52,24 +54,41 @@ def _hidden(*names: str) -> Iterator[None]:
         sys.modules.update(were)
 
 
+def _without_compiler() -> None:
+    """Keep scipy from loading a compiler of Fortran, which takes 0.1 s.
+
+    scipy copies all that numpy has, the compiler among it. It is there for whoever asks for it
+    later.
+    """
+    name = "numpy.f2py"
+    if name not in sys.modules:
+        numpy.f2py = sys.modules[name] = ModuleType(name)
+        try:
+            with suppress(ImportError):
+                importlib.import_module("scipy._lib.array_api_compat.numpy")
+        finally:
+            del numpy.f2py, sys.modules[name]
+
+
 def numpy_alone(to_the_end: bool = False) -> None:
     """Keep xarray in this process from loading what else arrays could be of, which takes 0.3 s.
 
     It asks for dask and pint as soon as it looks at an array, and remembers what it found. A
     command that only reads a dataset has arrays of numpy alone; where dask is in use, nothing is
-    changed.
+    changed. Nor does scipy load numpy's compiler.
 
     Parameters
     ----------
     to_the_end : bool
         Dask is not there for this process any more: xarray looks for its locks when it writes a
-        file, and pint for its arrays when it is imported, 0.5 s more.
+        file, and pint, where it is installed, for its arrays: 0.5 s more.
     """
     if "dask" not in sys.modules:
         # Where xarray knows already that dask is installed, it is loaded after all.
         new = "xarray.core" not in sys.modules
         with _hidden("dask", "pint"), suppress(ImportError):
             assert xarray.Variable("place", [0.0]).astype(float).to_numpy() is not None
+        _without_compiler()
         if to_the_end and new:
             sys.modules["dask"] = None  # type: ignore[assignment]
 
@@ -81,7 +100,6 @@ __all__ = [
     "netCDF4",
     "numpy_alone",
     "pandas",
-    "pint",
     "pyvisa",
     "scipy",
     "xarray",

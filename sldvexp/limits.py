@@ -25,7 +25,7 @@ except ImportError:  # Windows
     resource = None  # type: ignore[assignment]
 
 #: Of a table of text or another file that is read as a whole.
-TEXT_BYTES, TEXT_LINES = 64 * 2**20, 500_000
+TEXT_BYTES, TEXT_LINES = 128 * 2**20, 1_500_000
 #: Of one line of it: hundred thousand columns.
 LINE_BYTES = 2 * 2**20
 #: Of a configuration.

@@ -1,8 +1,8 @@
 """Labels of units, as people and instruments write them: understood whole, or asked about.
 
 A label is cut into factors, ``mm/s`` into ``mm`` and ``s^-1``. Names, prefixes and dimensions of a
-factor are those of the library pint; on top stand the spellings of vibrometers, which to pint are
-unknown or something else (a mil is an angle there, G a gauss, g a gram). Factors of length and time
+factor are those of `sldvexp.unit_table`; on top stand the spellings of vibrometers, which are
+unusual or mean something else there (g a gram). Factors of length and time
 are the motion, one of a displacement, velocity or acceleration, or its square; what is left, as the
 ``N`` of ``(m/s)/N``, is a reference. Words beside the unit tell the amplitude (``rms``, ``p-p``),
 and Hz the form of a spectrum.
@@ -19,10 +19,10 @@ import unicodedata
 from dataclasses import dataclass
 from enum import Enum
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from sldvexp.errors import UserError
-from sldvexp.lazy import pint
+from sldvexp.unit_table import PrefixedUnit, UnitProduct, readings
 
 
 class Amplitude(Enum):
@@ -101,8 +101,12 @@ class UnitLabel:
 
 
 #: Quantity of a motion by the powers of length and time.
-MOTIONS = {(1, 0): "displacement", (1, -1): "velocity", (1, -2): "acceleration"}
-_KINEMATIC = {"[length]", "[time]"}
+MOTIONS: dict[tuple[float, float], str] = {
+    (1, 0): "displacement",
+    (1, -1): "velocity",
+    (1, -2): "acceleration",
+}
+_KINEMATIC = {"length", "time"}
 #: Other quantities by a unit of theirs.
 QUANTITIES = {
     "newton": "force",
@@ -110,43 +114,46 @@ QUANTITIES = {
     "ampere": "current",
     "pascal": "pressure",
     "watt": "power",
-    "kilogram": "mass",
+    "gram": "mass",
     "joule": "moment or energy",
     "hertz": "frequency",
     "second": "time",
     "kelvin": "temperature",
 }
-#: Spellings of vibrometers, with their unit's name in pint.
+#: Spellings of vibrometers, with their unit's name.
 SPELLINGS = {
-    "in": "inch",
-    "mil": "thou",
-    "mils": "thou",
-    "thou": "thou",
-    "mic": "micron",
-    "S": "second",
-    "sek": "second",
-    "sekunde": "second",
-    "seconde": "second",
-    "g": "standard_gravity",
-    "gs": "standard_gravity",
-    "gn": "standard_gravity",
-    "gee": "standard_gravity",
-    "G": "standard_gravity",
-    "Gn": "standard_gravity",
-    "Gs": "standard_gravity",
-    "lbs": "force_pound",
-    "lb": "force_pound",
-    "kp": "force_kilogram",
-    "°": "degree",
-    "grad": "degree",
-    "grade": "degree",
-    "Ω": "ohm",
-    "HZ": "hertz",
-    "hz": "hertz",
-    "KHz": "kilohertz",
-    "amp": "ampere",
-    "amps": "ampere",
+    "in": ("", "inch"),
+    "mil": ("", "thou"),
+    "mils": ("", "thou"),
+    "thou": ("", "thou"),
+    "mic": ("", "micron"),
+    "S": ("", "second"),
+    "sek": ("", "second"),
+    "sekunde": ("", "second"),
+    "seconde": ("", "second"),
+    "g": ("", "standard_gravity"),
+    "gs": ("", "standard_gravity"),
+    "gn": ("", "standard_gravity"),
+    "gee": ("", "standard_gravity"),
+    "G": ("", "standard_gravity"),
+    "Gn": ("", "standard_gravity"),
+    "Gs": ("", "standard_gravity"),
+    "lbs": ("", "force_pound"),
+    "lb": ("", "force_pound"),
+    "kp": ("", "force_kilogram"),
+    "°": ("", "degree"),
+    "grad": ("", "degree"),
+    "grade": ("", "degree"),
+    "Ω": ("", "ohm"),
+    "HZ": ("", "hertz"),
+    "hz": ("", "hertz"),
+    "KHz": ("kilo", "hertz"),
+    "amp": ("", "ampere"),
+    "amps": ("", "ampere"),
 }
+HERTZ, GRAVITY = PrefixedUnit("", "hertz"), PrefixedUnit("", "standard_gravity")
+#: No unit of the table, and the only one whose power is half.
+ROOT_HERTZ = PrefixedUnit("root", "hertz")
 #: Units of several factors.
 COMPOUND = {"ips": "in/s", "IPS": "in/s", "fps": "ft/s", "FPS": "ft/s", "kine": "cm/s"}
 #: Spellings of labels that are written in capitals throughout.
@@ -157,15 +164,10 @@ CAPITALS = {
         *("s", "sec", "min", "lbf", "lb"),
     )
 }
-#: Prefixes of lengths and times; others, as of a Mm, are more likely a slip.
+#: Prefixes of lengths and times; others, as of a Mm, are more likely a slip. Inches have none.
 PREFIXES = {
     "meter": ("", "pico", "nano", "micro", "milli", "centi", "deci", "kilo"),
     "second": ("", "nano", "micro", "milli"),
-}
-ONLY_WHOLE = {
-    *("angstrom", "inch", "foot", "yard", "thou", "micron", "minute", "hour", "galileo"),
-    *("standard_gravity", "degree", "radian", "force_pound", "force_kilogram", "dyne", "bar"),
-    *("pound_force_per_square_inch",),
 }
 #: Units that may have any prefix.
 WITH_PREFIX = {
@@ -354,29 +356,28 @@ class _Factor(NamedTuple):
     ----------
     text : str
         As written, without the exponent.
-    names : tuple of str
-        Of the units in pint.
-    unit : pint.Quantity
-        Without the exponent.
+    units : tuple of PrefixedUnit
+    whole : UnitProduct
+        Of all of them, without the exponent.
     inner : tuple of _Factor
         Those in brackets.
     """
 
     text: str
-    names: tuple[str, ...]
-    unit: Any
+    units: tuple[PrefixedUnit, ...]
+    whole: UnitProduct
     exponent: int
     inner: tuple[_Factor, ...] = ()
 
     @property
     def powers(self) -> dict[str, float]:
         """The powers of the base dimensions."""
-        return dict((self.unit**self.exponent).dimensionality)
+        return (self.whole**self.exponent).powers
 
     @property
     def bracketed(self) -> bool:
         """Whether it is a motion as a whole, in brackets or as g."""
-        return len(self.names) > 1 or self.names[0] == "standard_gravity"
+        return len(self.units) > 1 or self.units == (GRAVITY,)
 
 
 class _Parser:
@@ -457,8 +458,9 @@ class _Parser:
         known = _known(name)
         if known is None:
             raise self._unknown(name)
-        unit = pint_registry().Quantity(1.0, known if known != "rootHz" else "hertz**0.5")
-        return [_Factor(name, (known,), unit, sign * self._exponent())]
+        root = known == ROOT_HERTZ
+        whole = UnitProduct.from_unit(HERTZ) ** 0.5 if root else UnitProduct.from_unit(known)
+        return [_Factor(name, (known,), whole, sign * self._exponent())]
 
     def _unknown(self, part: str) -> UnitNotUnderstoodError:
         if part.strip() == self.bare:
@@ -470,13 +472,13 @@ def _joined(text: str, inner: list[_Factor], exponent: int) -> _Factor:
     """Make one factor of those in brackets."""
     if len(inner) == 1:
         return inner[0]._replace(exponent=inner[0].exponent * exponent)
-    names = tuple(n for f in inner for n in f.names)
-    return _Factor(text.strip(), names, _unit_of(inner), exponent, tuple(inner))
+    units = tuple(u for f in inner for u in f.units)
+    return _Factor(text.strip(), units, _product_of(inner), exponent, tuple(inner))
 
 
-def _unit_of(factors: list[_Factor]) -> Any:
-    """Multiply factors with one another, as one quantity of pint."""
-    return math.prod((f.unit**f.exponent for f in factors), start=pint_registry().Quantity(1.0))
+def _product_of(factors: list[_Factor]) -> UnitProduct:
+    """Multiply factors with one another."""
+    return math.prod((f.whole**f.exponent for f in factors), start=UnitProduct())
 
 
 def _without_mixtures(text: str, factors: list[_Factor]) -> list[_Factor]:
@@ -490,27 +492,20 @@ def _without_mixtures(text: str, factors: list[_Factor]) -> list[_Factor]:
     return found
 
 
-@lru_cache(maxsize=1)
-def pint_registry() -> Any:
-    """Load pint's units."""
-    return pint.UnitRegistry()
-
-
 @lru_cache(maxsize=512)
-def _known(name: str) -> str | None:
-    """Find the name in pint of a unit with its prefix; None if it is none that we know."""
+def _known(name: str) -> PrefixedUnit | None:
+    """Find the unit of a name, with its prefix; None if it is none that we know."""
     if name == "rootHz":
-        return name
+        return ROOT_HERTZ
     if name in AMBIGUOUS:
         return None
     for spelling in (name, name.lower()) if len(name) > 2 else (name,):
         if spelling in SPELLINGS:
-            return SPELLINGS[spelling]
-        for prefix, unit, _ in pint_registry().parse_unit_name(spelling):
-            if unit in PREFIXES and prefix in PREFIXES[unit]:
-                return f"{prefix}{unit}"
-            if unit in WITH_PREFIX or (unit in ONLY_WHOLE and not prefix):
-                return f"{prefix}{unit}"
+            return PrefixedUnit(*SPELLINGS[spelling])
+        for found in readings(spelling):
+            prefixes = PREFIXES.get(found.unit, ("",))
+            if found.prefix in prefixes or found.unit in WITH_PREFIX:
+                return found
     return None
 
 
@@ -521,10 +516,10 @@ def _meaning(
     if not factors:
         raise _asked(text, "names no unit")
     factors = _without_mixtures(text, factors)
-    hertz = [f for f in factors if f.names in (("hertz",), ("rootHz",))]
+    hertz = [f for f in factors if f.units in ((HERTZ,), (ROOT_HERTZ,))]
     others = [f for f in factors if f not in hertz]
     if not others:
-        if len(hertz) == 1 and hertz[0].exponent == 1 and hertz[0].names == ("hertz",):
+        if len(hertz) == 1 and hertz[0].exponent == 1 and hertz[0].units == (HERTZ,):
             return UnitLabel(text, "frequency", number)
         raise _asked(text, "may mean several things")
     if len(hertz) > 1 or (hertz and hertz[0].exponent != -1):
@@ -545,7 +540,7 @@ def _meaning(
     product = signs == {1}
     form = SpectralForm.power if squared else SpectralForm.linear
     if hertz:
-        per_root = hertz[0].names == ("rootHz",)
+        per_root = hertz[0].units == (ROOT_HERTZ,)
         if per_root and (squared or product):
             raise _asked(text, "may mean several things")
         whole = SpectralForm.density if squared or product else SpectralForm.transform
@@ -558,8 +553,8 @@ def _meaning(
 
 def _in_seconds(factors: list[_Factor]) -> bool:
     """Tell whether units are lengths and seconds alone."""
-    names = {n for f in factors for n in f.names} - {"second"}
-    return all(pint_registry().Quantity(1.0, n).check("[length]") for n in names)
+    units = {u for f in factors for u in f.units} - {PrefixedUnit("", "second")}
+    return all(UnitProduct.from_unit(u).powers == {"length": 1} for u in units)
 
 
 def _without_square(factors: list[_Factor]) -> tuple[list[_Factor], bool]:
@@ -573,27 +568,25 @@ def _without_square(factors: list[_Factor]) -> tuple[list[_Factor], bool]:
 def _motion(text: str, factors: list[_Factor]) -> tuple[str, float, bool]:
     """Tell which motion factors of length and time are, its unit in SI, and if it is squared."""
     factors, squared = _without_square(factors)
-    unit = _unit_of(factors)
-    powers = dict(unit.dimensionality)
-    key = (powers.get("[length]", 0), powers.get("[time]", 0))
-    lengths = [f for f in factors if "[length]" in f.powers]
-    times = {f.exponent > 0 for f in factors if "[length]" not in f.powers}
+    whole = _product_of(factors)
+    key = (whole.powers.get("length", 0), whole.powers.get("time", 0))
+    lengths = [f for f in factors if "length" in f.powers]
+    times = {f.exponent > 0 for f in factors if "length" not in f.powers}
     if not lengths:
         return "", 1.0, False
     # One length, over times alone: of m/s/m or g mm nobody knows the meaning.
     if key not in MOTIONS or len(lengths) > 1 or lengths[0].exponent != 1 or times - {False}:
         raise _asked(text, "may mean several things" if len(lengths) > 1 else "is of no motion")
-    return MOTIONS[key], float(unit.to_base_units().magnitude), squared
+    return MOTIONS[key], whole.size, squared
 
 
 def _other(text: str, factors: list[_Factor]) -> tuple[str, float, bool]:
     """Tell which quantity a unit is of that is no motion."""
     factors, squared = _without_square(factors)
-    unit = _unit_of(factors)
-    names = [n for f in factors for n in f.names]
-    factor = float(unit.to_base_units().magnitude)
+    whole = _product_of(factors)
+    names = [u.unit for f in factors for u in f.units]
     if {"degree", "radian"} & set(names):
-        return ("angle" if len(names) == 1 else "another quantity"), factor, squared
-    like = {n: pint_registry().Quantity(1.0, n).dimensionality for n in QUANTITIES}
-    same = [QUANTITIES[n] for n, powers in like.items() if powers == unit.dimensionality]
-    return (same[0] if same else "another quantity"), factor, squared
+        return ("angle" if len(names) == 1 else "another quantity"), whole.size, squared
+    like = {n: UnitProduct.from_unit(PrefixedUnit("", n)).powers for n in QUANTITIES}
+    same = [QUANTITIES[n] for n, powers in like.items() if powers == whole.powers]
+    return (same[0] if same else "another quantity"), whole.size, squared

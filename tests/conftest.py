@@ -53,7 +53,6 @@ HEAVY = {
     "pandas": "pandas.core",
     "matplotlib": "matplotlib.cbook",
     "netCDF4": "netCDF4._netCDF4",
-    "pint": "pint.registry",
 }
 
 #: How long anything is waited for that comes at once on a quiet machine, s.

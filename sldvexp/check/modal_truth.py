@@ -82,11 +82,6 @@ class ModalTruth(Check):
         of_parts = field["confidence_by_part"].transpose("part", *field["velocity"].dims).values
         bound = np.stack([columns.at_surface(part) for part in of_parts])
         error = seen - truth
-        # The pixels' own noise and what all of them share: a factor and a phase.
-        modes = run.groups["modes"]
-        factors = np.stack([modes[n].values[own] for n in ("scale_std", "phase_std")])
-        along = np.stack([np.abs(truth), np.abs(truth)]) * factors[:, None, None]
-        bound = np.hypot(bound, student_factor(0.95, np.inf) * along)
         held = np.abs(np.stack([error.real, error.imag])) <= bound
         size = np.sqrt(np.nanmean(truth**2, axis=0))
         return {

@@ -1,5 +1,7 @@
 from . import aim as aim
+from . import answers as answers
 from . import check as check
+from . import command as command
 from . import compare as compare
 from . import completion as completion
 from . import console as console

@@ -41,7 +41,7 @@ WORDS = {
 
 
 @dataclass(frozen=True, eq=False)
-class AimedView:
+class PosedView:
     """One view: where its instrument stands, and who says so.
 
     Parameters
@@ -136,7 +136,7 @@ def run(words: list[str], config_dir: str | None) -> int:
     return 0
 
 
-def of_run(path: Path) -> tuple[list[AimedView], Surroundings]:
+def of_run(path: Path) -> tuple[list[PosedView], Surroundings]:
     """Take the poses that a run has found.
 
     Raises
@@ -159,7 +159,7 @@ def of_run(path: Path) -> tuple[list[AimedView], Surroundings]:
         one = pose.sel(view=name)
         bound = "dof" in one and "origin_confidence" in one
         views.append(
-            AimedView(
+            PosedView(
                 str(name),
                 one["rotation"].values,
                 one["origin"].values,
@@ -172,7 +172,7 @@ def of_run(path: Path) -> tuple[list[AimedView], Surroundings]:
     return views, _around(e, volume)
 
 
-def of_settings(words: list[str], config_dir: str | None) -> tuple[list[AimedView], Surroundings]:
+def of_settings(words: list[str], config_dir: str | None) -> tuple[list[PosedView], Surroundings]:
     """Take the poses that settings say.
 
     Raises
@@ -193,7 +193,7 @@ def of_settings(words: list[str], config_dir: str | None) -> tuple[list[AimedVie
             f"{(e.scan or Session).rough_poses_key}, or pose=given, or a scene, or the folder of a "
             "finished run"
         )
-    views = [AimedView(n, pose.rotation, pose.place, source) for n, (pose, source) in told.items()]
+    views = [PosedView(n, pose.rotation, pose.place, source) for n, (pose, source) in told.items()]
     return views, _around(e, e.volume.group() if e.volume else None)
 
 
@@ -221,7 +221,7 @@ def _parts(scan: Scan | None) -> list[ScanPart]:
     return scan.parts(scan.view_names()[0]) if scan and scan.view_names() else []
 
 
-def known_lines(view: AimedView, around: Surroundings, unit: LengthUnit) -> Iterator[str]:
+def known_lines(view: PosedView, around: Surroundings, unit: LengthUnit) -> Iterator[str]:
     """Yield a line for each circle or mark, and each corner of the region, that is known."""
     target, laser = around.target, around.laser
     if isinstance(target, Circles):
@@ -245,7 +245,7 @@ def known_lines(view: AimedView, around: Surroundings, unit: LengthUnit) -> Iter
         yield f"  surface of the volume from {_place(low, unit)} to {_place(high, unit)}"
 
 
-def _unreachable(points: Array, view: AimedView, laser: TwoMirror) -> str:
+def _unreachable(points: Array, view: PosedView, laser: TwoMirror) -> str:
     """Say which of the points the beam cannot go to; nothing if it can go to all."""
     names = [f"point {k}" for k in range(1, len(points) + 1)]
     try:
@@ -267,7 +267,7 @@ def _corners(part: ScanPart, view: str) -> Array:
     return np.array(found, float).reshape(-1, 3) * unit.value
 
 
-def point_line(name: str, point: Array, view: AimedView, laser: TwoMirror, unit: LengthUnit) -> str:
+def point_line(name: str, point: Array, view: PosedView, laser: TwoMirror, unit: LengthUnit) -> str:
     """Say where a point is in DAC steps and mirror angles, or why the beam cannot go there."""
     told = f"  {name}{_place(point, unit)}: "
     try:
@@ -286,7 +286,7 @@ def point_line(name: str, point: Array, view: AimedView, laser: TwoMirror, unit:
 
 
 def beam_lines(
-    steps: Array, view: AimedView, around: Surroundings, unit: LengthUnit
+    steps: Array, view: PosedView, around: Surroundings, unit: LengthUnit
 ) -> Iterator[str]:
     """Yield where the beam of DAC steps comes from and goes, and what it meets."""
     laser = around.laser

@@ -12,8 +12,8 @@ from pathlib import Path
 from omegaconf import DictConfig
 
 from sldvexp import dataset, session
+from sldvexp.cli.command import Command, hydra_raises
 from sldvexp.cli.commands import KEY
-from sldvexp.cli.main import Command, hydra_raises
 from sldvexp.config.paths import JOURNAL, RUN_FILE
 from sldvexp.errors import UserError
 from sldvexp.lazy import xarray as xr

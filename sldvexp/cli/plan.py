@@ -70,7 +70,7 @@ def run(
     else:
         composed, plugins, choices = _composed(settings, config_dir)
         done = None
-    experiment = schema.build(composed)
+    experiment = schema.build(_without_lacking_poses(composed, plugins))
     if to is not None:
         planner.files.require_free(Path(to), name, replace=experiment.overwrite)
     found = _planned(action, experiment, done)
@@ -116,10 +116,19 @@ def _composed(
         with open_dict(composed):
             del composed["hydra"]
         plugins = schema.plugin_names(composed)
-        schema.build(composed)
+        schema.build(_without_lacking_poses(composed, plugins))
     except Exception as error:  # Hydra's and OmegaConf's have no common base
         raise UserError(messages.of_composition(error, origins)) from error
     return composed, plugins, {g: choices[g] for g in plugins if choices.get(g)}
+
+
+def _without_lacking_poses(composed: DictConfig, plugins: dict[str, str]) -> DictConfig:
+    """Leave out the pose method ``given`` of no poses, which are what a plan writes."""
+    if plugins.get("pose") != "given" or composed.pose.path or composed.pose.views:
+        return composed
+    left = composed.copy()
+    left.pose = None
+    return left
 
 
 def _of_run(
@@ -249,12 +258,16 @@ def told(found: StandPlan, action: str, experiment: Experiment) -> Iterator[str]
 def _usual_room(said: PlanRoom) -> str:
     """Say within which limits stands were looked for that nobody has said."""
     room, unsaid = said.for_new_stands(), said.unsaid
-    limits = {"low": "y from {1:g} m", "high": "y to {1:g} m", "distance": "{:g} to {:g} m away"}
+    limits = {
+        "low": "from y = {1:g} m",
+        "high": "up to y = {1:g} m",
+        "distance": "{:g} to {:g} m away",
+    }
     told = [limits[key].format(*getattr(room, key)) for key in unsaid]
     keys = [f"plan.room.{key}" for key in unsaid]
     listed = " and ".join(filter(None, [", ".join(keys[:-1]), keys[-1]]))
     are = "are" if len(keys) > 1 else "is"
-    return f"stands were looked for with {', '.join(told)}, as {listed} {are} not set"
+    return f"stands were looked for {', '.join(told)}, as {listed} {are} not set"
 
 
 def _not_seen(found: StandPlan) -> Iterator[str]:

@@ -11,12 +11,9 @@ import hashlib
 import os
 import pickle
 import re
-import stat
-import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from copy import deepcopy
-from dataclasses import dataclass
 from functools import cache
 from itertools import islice
 from pathlib import Path
@@ -39,10 +36,11 @@ from omegaconf import DictConfig, _utils
 from yaml.constructor import SafeConstructor
 from yaml.resolver import Resolver
 
+from sldvexp.config.kept import KeptFiles, name_of
 from sldvexp.config.naming_loader import NamingLoader
+from sldvexp.config.paths import conf_dir
 from sldvexp.config.registry import looked_for_packages
 from sldvexp.limits import YAML_BYTES
-from sldvexp.writing import whole_or_nothing
 
 
 def _copies(value: Any) -> Callable[[], Any]:
@@ -98,74 +96,33 @@ def _of_process(name: str) -> Memory:
     return Memory()
 
 
-#: Folder of the user's cache; what others could write to or read is left alone.
-CACHE = "sldvexp"
-#: Files that the cache keeps, the newest, and the largest of them, bytes.
-MOST_KEPT, LARGEST_KEPT = 100, 2**22
 #: Entries of a folder of configurations that are looked at: of one with more nothing is kept.
 MOST_ENTRIES = 2000
-#: Length of the digest before what is kept, bytes.
-DIGEST = hashlib.sha256().digest_size
 #: What is looked up when a file is read, and not by the content of files.
 LOOKED_UP = re.compile(rb"\$\{\s*(?!now:|hydra:)[\w.]+\s*:")
 
 
-@dataclass(frozen=True)
-class LastingMemory:
-    """Compositions in a folder that is this user's alone: a pickle is trusted as a program is.
+class LastingMemory(KeptFiles):
+    """Compositions in the user's cache: a pickle is trusted as a program is."""
 
-    Parameters
-    ----------
-    folder : Path
-    """
-
-    folder: Path
-
-    @classmethod
-    def of_user(cls) -> LastingMemory | None:
-        """Open the user's cache; None where there is none that nobody else may write to."""
-        with suppress(OSError, RuntimeError):
-            root = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-            folder = Path(root) / CACHE
-            folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-            if _is_own(folder.lstat(), stat.S_ISDIR, 0o077):
-                return cls(folder)
-        return None
-
-    def read(self, name: str) -> Callable[[], Any] | None:
+    def recall(self, name: str) -> Callable[[], Any] | None:
         """Read what was kept under a name, as `_copies` gives it; None if nothing whole was."""
-        with suppress(OSError):
-            handle = os.open(self.folder / name, os.O_RDONLY | os.O_NOFOLLOW)
-            with open(handle, "rb") as file:
-                about = os.fstat(handle)
-                if not _is_own(about, stat.S_ISREG, 0o022) or about.st_size > LARGEST_KEPT:
-                    return None
-                said, content = file.read(DIGEST), file.read()
-            if hashlib.sha256(content).digest() == said:
-                with suppress(Exception):  # of classes that are there no more
-                    first = [pickle.loads(content)]
-                    return lambda: first.pop() if first else pickle.loads(content)
+        content = self.read(name)
+        if content is not None:
+            with suppress(Exception):  # of classes that are there no more
+                first = [pickle.loads(content)]
+                return lambda: first.pop() if first else pickle.loads(content)
         return None
 
-    def write(self, name: str, composed: DictConfig) -> None:
+    def keep(self, name: str, composed: DictConfig) -> None:
         """Keep a composition, if it can be kept."""
         with suppress(Exception):  # of a class that Hydra's search for plugins has made anew
-            content = pickle.dumps(composed)
-            with whole_or_nothing(self.folder / name, lasting=False) as beside:
-                beside.chmod(0o600)
-                beside.write_bytes(hashlib.sha256(content).digest() + content)
-            kept = sorted(self.folder.iterdir(), key=lambda file: file.stat().st_mtime)
-            for old in kept[:-MOST_KEPT]:
-                old.unlink()
+            self.write(name, pickle.dumps(composed))
 
 
-def _is_own(about: os.stat_result, is_kind: Callable[[int], bool], others: int) -> bool:
-    """Tell whether something is of the right kind, and this user's alone."""
-    own = hasattr(os, "geteuid") and about.st_uid == os.geteuid()
-    return own and is_kind(about.st_mode) and not about.st_mode & others
-
-
-def name_of(key: tuple[str | None, tuple[str, ...]], sources: Sequence[ConfigSource]) -> str:
+def name_of_composition(
+    key: tuple[str | None, tuple[str, ...]], sources: Sequence[ConfigSource]
+) -> str:
     """Name a composition by the content of all that decides it; empty if more than files do.
 
     That are the choices, all files in the folders of configurations, the program's code and that
@@ -173,15 +130,10 @@ def name_of(key: tuple[str | None, tuple[str, ...]], sources: Sequence[ConfigSou
     """
     if any("${" in choice for choice in key[1]):
         return ""
-    told = hashlib.sha256(repr(key).encode())
-    told.update(f"{sys.version} {hydra.__version__} {omegaconf.__version__}".encode())
-    package = Path(__file__).resolve().parents[1]
-    for file in sorted(package.rglob("*.py")):
-        about = file.stat()
-        told.update(f"{file} {about.st_mtime_ns} {about.st_size}\n".encode())
+    told = hashlib.sha256(name_of(key, hydra.__version__, omegaconf.__version__).encode())
     for source in sources:
         told.update(f"{source.provider} {source.full_path()}\n".encode())
-        if source.scheme() != "file":
+        if source.scheme() != "file" or Path(source.path) == conf_dir():
             continue
         entries = [*islice(Path(source.path).rglob("*"), MOST_ENTRIES + 1)]
         if len(entries) > MOST_ENTRIES:
@@ -231,7 +183,7 @@ class RememberingLoader(NamingLoader):
         super().__init__(config_search_path)
         self.repository = RememberingRepository(config_search_path)
         self._known = Memory()
-        self._lasting = LastingMemory.of_user()
+        self._lasting = LastingMemory()
 
     def _load_configuration_impl(
         self,
@@ -280,13 +232,13 @@ class RememberingLoader(NamingLoader):
         """Compose the choices as Hydra does, to be changed at will."""
         key = config_name, choosing
         if key not in self._known:
-            lasting, name = self._lasting, name_of(key, self.repository.sources)
-            kept = lasting.read(name) if lasting and name else None
+            lasting, name = self._lasting, name_of_composition(key, self.repository.sources)
+            kept = lasting.recall(name) if name else None
             if kept is None:
                 composed = super()._load_configuration_impl(config_name, [*choosing], RunMode.RUN)
                 kept = _copies(composed)
-                if lasting and name and not looked_for_packages():
-                    lasting.write(name, composed)
+                if name and not looked_for_packages():
+                    lasting.keep(name, composed)
             self._known[key] = kept
         config: DictConfig = self._known[key]()
         return config

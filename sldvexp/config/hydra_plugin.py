@@ -134,6 +134,12 @@ def install() -> None:
     SourcesRegistry.instance().types[FileConfigSource.scheme()] = FileConfigSource
 
 
+def others_search() -> bool:
+    """Tell whether an installed package says where configurations are looked for."""
+    found = Plugins.instance().discover(SearchPathPlugin)
+    return any(plugin is not PluginSearchPath for plugin in found)
+
+
 def _is_schema(config_path: str) -> bool:
     return config_path.strip("/").split("/")[-2:-1] == [SCHEMA]
 

@@ -1,5 +1,8 @@
 """Lets names of views and the like be written with quotes or without, in files as on a line.
 
+A recording that the command line puts in the place of a file's instrument needs none of that one's
+settings, so that they are left out.
+
 YAML reads ``1: {...}`` as a number and ``"1": {...}`` as a text. A table whose entries have texts
 for names takes both alike; one of numbers, as that of fiducial marks, stays one of numbers.
 """
@@ -16,12 +19,32 @@ from hydra._internal.config_repository import IConfigRepository
 from hydra.core.default_element import ResultDefault
 from hydra.core.override_parser.types import Override
 from hydra.errors import ConfigCompositionException
+from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf, flag_override
 from omegaconf.errors import OmegaConfBaseException
+
+#: Choice of a recording in the place of an instrument.
+REPLAYED = "instrument=replay"
 
 
 class NamingLoader(ConfigLoaderImpl):
     """Hydra's loader, for which ``1`` and ``"1"`` name the same entry of a table."""
+
+    _replays = False
+
+    def _load_configuration_impl(
+        self,
+        config_name: str | None,
+        overrides: list[str],
+        run_mode: RunMode,
+        from_shell: bool = True,
+        validate_sweep_overrides: bool = True,
+    ) -> DictConfig:
+        """Compose as Hydra does, and note whether a recording is played."""
+        self._replays = REPLAYED in overrides
+        return super()._load_configuration_impl(
+            config_name, overrides, run_mode, from_shell, validate_sweep_overrides
+        )
 
     def _compose_config_from_defaults_list(
         self, defaults: Sequence[ResultDefault], repo: IConfigRepository
@@ -30,7 +53,9 @@ class NamingLoader(ConfigLoaderImpl):
         config: DictConfig = OmegaConf.create()
         with flag_override(config, "no_deepcopy_set_nodes", True):
             for default in defaults:
-                loaded = self._load_single_config(default=default, repo=repo).config
+                loaded: Any = self._load_single_config(default=default, repo=repo).config
+                if self._replays:
+                    _keep_own(loaded, config)
                 try:
                     config.merge_with(_named_as(config, loaded))
                 except OmegaConfBaseException as error:
@@ -82,6 +107,14 @@ def _as_texts(table: Any, value: dict[Any, Any]) -> dict[Any, Any]:
         k: _as_texts(table._get_node(k), v) if isinstance(v, dict) and k in table._content else v
         for k, v in named.items()
     }
+
+
+def _keep_own(loaded: DictConfig, config: DictConfig) -> None:
+    """Leave out of a file what it sets of an instrument that is not the one composed so far."""
+    given, composed = (node.get("instrument") for node in (loaded, config))
+    if _has_entries(given) and _has_entries(composed):
+        for key in [key for key in given if key not in composed._content]:
+            del given._content[key]
 
 
 def _has_entries(node: Any) -> bool:

@@ -19,6 +19,9 @@ RUN_FILE = "run.nc"
 #: Folder of a run in which finished scan lines are kept, one folder a view.
 JOURNAL = "journal"
 
+#: Digest of all that decides what is measured, in the folder of the lines.
+CONFIGURATION = "configuration.sha256"
+
 #: An ending that Hydra does not take.
 OTHER_ENDING = ".yml"
 

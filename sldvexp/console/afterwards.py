@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import logging
 import queue
+import re
 import threading
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -140,21 +141,28 @@ def sentences(result: PoseResult, view: str) -> list[str]:
     )
     findings = [f for f in result.findings if of_view(f, view)]
     verdict = verdict_of(findings)
-    told = [f"{POSE}: origin ({place}) m +- ({mm}) mm, {level:.0f} % bounds; {verdict}"]
+    sure = f"+- ({mm}) mm, {level:.0f} % bounds" if np.isfinite(bound).all() else "without bounds"
+    told = [f"{POSE}: origin ({place}) m {sure}; {verdict}"]
     if "residual_rms" in own and np.isfinite(float(own["residual_rms"])):
         told[0] += f"; residuals {float(own['residual_rms']):.2g} DAC steps"
     return told + [f"{POSE} {f.severity.name}: {f.text}" for f in findings]
 
 
 def of_view(finding: Finding, view: str) -> bool:
-    """Tell whether a finding is about a view, or about all of them.
+    """Tell whether a finding is about a view, alone or among others, or about all of them.
 
     Examples
     --------
     >>> of_view(Finding("odd", "view left", "odd"), "right")
     False
+    >>> [of_view(Finding("odd", "views 1, 2 and 4", "odd"), view) for view in ("2", "3")]
+    [True, False]
     """
-    return "view" not in finding.subject or finding.subject.endswith(f"view {view}")
+    _, one, named = finding.subject.rpartition("view ")
+    if one:
+        return named == view or named.startswith(f"{view}, ")
+    _, several, named = finding.subject.rpartition("views ")
+    return not several or view in re.split(", | and ", named)
 
 
 def _summary(group: xr.Dataset) -> list[str]:

@@ -12,13 +12,23 @@ import queue
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, suppress
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from sldvexp.config.experiment import Experiment
 from sldvexp.console.board import NoticeBoard
-from sldvexp.console.marks import AimedMarks, Steps, kind_of, parts_of, view_names, wanted
+from sldvexp.console.marks import (
+    CORNER,
+    CORNERS,
+    AimedMarks,
+    Steps,
+    kind_of,
+    parts_of,
+    view_names,
+    wanted,
+)
 from sldvexp.console.outlook import Outlook
 from sldvexp.errors import UserError
 from sldvexp.instrument import Acquisition, Instrument, InstrumentError, RawSamples
@@ -38,6 +48,11 @@ LEVEL, RETRY = 0.25, 2.0
 #: How long the parts of a quick look take about, s, between which wishes are heard; and their most
 #: pixels.
 PART, MOST = 0.2, 256
+#: How long the line of a broadband scan is looked for at which most moves, s, and at how many
+#: places at most.
+SPENT, MOST_PLACES = 4.0, 16
+#: Amplitude over the largest in a coarse look, from which a place is on what moves.
+MOVES = 0.1
 #: Cells along a side of a quick look, from coarse to fine.
 FINENESS = (8, 16, 32, 64, 128)
 #: A mirror that is held moves on so often, s, and only while the page says so so often, s.
@@ -90,6 +105,9 @@ class AimingBench:
         self._look: Iterator[tuple[IntArray, int]] | None = None
         self._held: tuple[Steps, float] | None = None
         self._pace = PART
+        self._tone: float | None = None  # of the last look at a broadband part, Hz
+        self._seen: list[tuple[int, IntArray, Any, Any]] | None = None  # coarsely, to find it
+        self._window: tuple[Steps, Steps] = ((0, 0), (0, 0))
         self._silent = False  # whether the instrument has failed
         self._photographed = (0.0, (0, 0), "")
         self._begin()
@@ -249,9 +267,52 @@ class AimingBench:
         high = (min(high[0], board[1]), min(high[1], board[1]))
         if low[0] >= high[0] or low[1] >= high[1]:
             raise UserError("there is nothing to look at: the region is outside the board's range")
-        self._look = self._parts(low, high)
+        self._begin_parts(low, high)
+        if (full := self._full()).drive is not None:
+            corners, count = self._corners(), places_within(full)
+            if len(corners) == CORNERS:
+                least, most = corners.min(axis=0), corners.max(axis=0)
+                self._find_tone(least + (most - least) * spread_out(count))
+            else:
+                self._seen = []
+
+    def _begin_parts(self, low: Steps, high: Steps) -> None:
+        """Begin a quick look."""
+        self._look, self._window, self._seen = self._parts(low, high), (low, high), None
         self.board.begin("raster", view=self.view)
         self.board.tell("looking", True)
+
+    def _find_tone(self, places: Array) -> bool:
+        """Find the line of a broadband part at which most moves, to look at by a sine.
+
+        One record is taken at some places. An instrument that cannot play it is looked at in the
+        middle of the band.
+        """
+        self._set, before = None, self._tone
+        with suppress(InstrumentError):
+            instrument, dac = self._opened_in_view(), np.rint(places).astype(np.int64)
+            self._tone = aids.strongest_line(instrument, self._full(), dac)
+        return self._tone not in (None, before)
+
+    def _seek(self, cell: int) -> bool:
+        """Find that line all over what moves in the coarsest look, once this is over; true if so.
+
+        Where most moves at one frequency would be a place of few modes only.
+        """
+        if self._seen is None or cell == self._seen[0][0]:
+            return False
+        _, dac, value, flags = zip(*self._seen, strict=True)
+        self._seen = None
+        moves = np.where(np.concatenate(flags) == 0, np.concatenate(value), 0.0)
+        there = np.flatnonzero(moves >= MOVES * moves.max())
+        chosen = np.linspace(0, len(there) - 1, places_within(self._full())).round().astype(int)
+        return self._find_tone(np.concatenate(dac)[there[np.unique(chosen)]])
+
+    def _corners(self) -> IntArray:
+        """Give the corners of the region as marked or predicted, (corner, 2), as many as known."""
+        marks = self.marks.of(self.view)
+        every = {**self.outlook.of(marks, self.view).predicted, **marks}
+        return np.array([dac for (kind, _), dac in every.items() if kind == CORNER], np.int64)
 
     def _stop_look(self, wish: Wish) -> None:
         self._look = None
@@ -291,6 +352,9 @@ class AimingBench:
             self._stop_look({})
             return
         dac, cell = part
+        if self._seen and self._seek(cell):
+            self._begin_parts(*self._window)
+            return
         began = time.monotonic()
         samples = self._ready().scan(dac)
         self._pace = max((time.monotonic() - began) / len(dac), 1e-6)
@@ -298,7 +362,12 @@ class AimingBench:
         reference = _peaks(samples)[:, REFERENCE].astype(np.float32)
         arrays = [dac.astype(np.int32).ravel(), value, flags, reference]
         assert self._set is not None
-        self.board.add("raster", arrays, cell=cell, frequency=self._set.excitation[0])
+        drive = self._full().drive
+        among = 1 if drive is None or self._tone is None else len(drive.lines)
+        how = {"frequency": self._set.excitation[0], "among": among}
+        self.board.add("raster", arrays, cell=cell, **how)
+        if self._seen is not None:
+            self._seen.append((cell, dac, value, flags))
 
     def _parts(self, low: Steps, high: Steps) -> Iterator[tuple[IntArray, int]]:
         """Yield the pixels of a quick look, coarse to fine, with the size of their cells."""
@@ -320,23 +389,30 @@ class AimingBench:
 
     def _ready(self) -> Instrument:
         """Give the instrument in the view, sampling quickly, as the part that is aimed at does."""
+        instrument = self._opened_in_view()
+        wanted = self._sampling()
+        if self._set != wanted:
+            instrument.configure(wanted)
+            self._set = wanted
+        return instrument
+
+    def _opened_in_view(self) -> Instrument:
         if not self.steered:
             raise UserError("nobody is steering")
         e = self.experiment
         if self._instrument is None:
             opened = e.instrument.open(e.scene, e.laser, e.target, seed=e.seed, view=self.view)
             self._instrument = self._opened.enter_context(opened)
-        wanted = self._sampling()
-        if self._set != wanted:
-            self._instrument.configure(wanted)
-            self._set = wanted
         return self._instrument
 
-    def _sampling(self) -> Acquisition:
+    def _full(self) -> Acquisition:
+        """Say how the part that is aimed at is sampled when it is scanned."""
         parts = [p for p in parts_of(self.experiment).values() if hasattr(p, "sampling")]
         chosen = [p for p in parts if kind_of(p) == self.kind] or parts
-        s = chosen[0].sampling if chosen else Sampling()
-        return aids.quick(acquisition_of(s))
+        return acquisition_of(chosen[0].sampling if chosen else Sampling())
+
+    def _sampling(self) -> Acquisition:
+        return aids.quick(self._full(), self._tone)
 
     def _go(self, to: Steps) -> None:
         """Move the beam, to the nearest place that the board has."""
@@ -458,6 +534,23 @@ class AimingBench:
         if change.view != self.view:
             self._choose_view({"name": change.view})
         self._tell_marks()
+
+
+def places_within(full: Acquisition) -> int:
+    """Say at how many places a record of a broadband part is taken to find its strongest line."""
+    return int(np.clip(SPENT // replace(full, records=1).seconds, 1, MOST_PLACES))
+
+
+def spread_out(count: int) -> Array:
+    """Spread places over a square of side 1, on no line of symmetry (Roberts's sequence), (n, 2).
+
+    Examples
+    --------
+    >>> spread_out(2).round(2).tolist()
+    [[0.25, 0.07], [0.01, 0.64]]
+    """
+    plastic = 1.324717957244746  # the root of x^3 = x + 1
+    return np.asarray((0.5 + np.arange(1, count + 1)[:, None] / [plastic, plastic**2]) % 1)
 
 
 def _peaks(samples: RawSamples) -> Array:

@@ -155,7 +155,7 @@ class Outlook:
         at = KnownPose(euler_from_rotation(pose.rotation).tolist(), pose.origin.tolist())
         with suppress(UserError):
             only = replace(self.region, views={"seen": ScanRegion(pose=at, corners_at=own)})
-            return only.aimed(self.laser, None).views["seen"].corners
+            return only.in_steps(self.laser, None).views["seen"].corners
         return []
 
     def _box(self, structure: list[Array]) -> list[tuple[int, int]]:

@@ -1,7 +1,9 @@
 """Paints lines as they come from a scan, some at a time and in a thread of its own.
 
 A line costs the scan nothing but a place in a queue. What has come in a tenth of a second is turned
-into pixels together, which is quicker than line by line and soon enough for an eye.
+into pixels together, which is quicker than line by line and soon enough for an eye. Of several
+frequencies a picture shows the one at which most moves so far, ``max_f sum |v_f|^2`` over its good
+pixels; it is painted anew when another one has become plainly larger.
 """
 
 from __future__ import annotations
@@ -42,21 +44,47 @@ MILLI = 1e3
 Square = tuple[list[int], list[int]]
 
 
-@dataclass(frozen=True, eq=False)
-class _PaintedLine:
-    """Pixels of a line: DAC steps, amplitudes and flags, and how high and wide each is drawn.
+#: R.m.s. amplitude at another frequency over that at the one that is shown, from which it is shown.
+PLAINLY = 1.2
+#: Amplitudes of several frequencies that are kept of a picture at most; one of more pixels goes on
+#: with the frequency that it has.
+MOST_KEPT = 2**24
 
-    Of several frequencies, Hz, one is drawn.
+
+@dataclass(frozen=True, eq=False)
+class PaintedPixels:
+    """Pixels that were scanned alike.
+
+    Attributes
+    ----------
+    value : ndarray of float32, shape (pixel, frequency), mm/s
+        Amplitudes.
+    flag : ndarray of uint8, shape (pixel,)
+    frequency : ndarray, shape (frequency,), Hz
     """
 
-    arrays: list[NDArray[Any]]
+    value: NDArray[np.float32]
+    flag: NDArray[np.uint8]
+    frequency: NDArray[Any]
+
+    def power(self) -> NDArray[Any]:
+        """Add up the squared amplitudes of good pixels, shape (frequency,)."""
+        good = self.value[self.flag == 0].astype(float)
+        return np.asarray(np.sum(good**2, axis=0))
+
+
+@dataclass(frozen=True, eq=False)
+class _PaintedLine:
+    """Pixels of a line at their DAC steps, and how high and wide each is drawn."""
+
+    dac: NDArray[np.int32]
+    pixels: PaintedPixels
     tall: int
     wide: int
-    frequency: float
 
-    @property
-    def dac(self) -> NDArray[Any]:
-        return self.arrays[0].reshape(-1, 2)
+    def arrays(self, shown: int) -> list[NDArray[Any]]:
+        """Give what a page paints of the frequency of that number."""
+        return [self.dac.ravel(), self.pixels.value[:, shown], self.pixels.flag]
 
 
 class Painter:
@@ -86,7 +114,9 @@ class Painter:
         self._view = self._shown = ""
         self._squares: dict[str, Square] = {}  # of pictures of this view
         self._kept: dict[str, list[_PaintedLine]] = {}  # of these, to be shown again
-        self._aimed: Scan | None = None
+        self._power: dict[str, NDArray[Any]] = {}  # of these, by frequency
+        self._chosen: dict[str, int] = {}  # of these, the frequency that is shown
+        self._in_steps: Scan | None = None
         self._lines: queue.Queue[LineDone | None] = queue.Queue()
         board.begin("image")
         self._thread = threading.Thread(target=self._work, name="painter", daemon=True)
@@ -129,17 +159,20 @@ class Painter:
         first = lines[0]
         if first.view != self._view:
             self._view, self.flagged, self.bad = first.view, {}, {}
-            self._squares, self._kept = {}, {}
-        value, flags, frequency = painted_values(*lines)
+            self._squares, self._kept, self._power, self._chosen = {}, {}, {}, {}
+        found = painted_pixels(*lines)
         ends = np.cumsum([len(line.dac) for line in lines])[:-1]
         parts = []
-        for line, v, f in zip(lines, np.split(value, ends), np.split(flags, ends), strict=True):
+        pairs = zip(np.split(found.value, ends), np.split(found.flag, ends), strict=True)
+        for line, (v, f) in zip(lines, pairs, strict=True):
             self.bad.setdefault(line.lines, {})[line.number] = float(np.mean(f != 0))
             size = pitch(line.dac) if line.searches else self._size(line)
-            parts.append(_PaintedLine([line.dac.astype(np.int32).ravel(), v, f], *size, frequency))
+            own = PaintedPixels(v, f, found.frequency)
+            parts.append(_PaintedLine(line.dac.astype(np.int32), own, *size))
         self._show(first, parts)
         for flag in Flag:
-            self.flagged[flag] = self.flagged.get(flag, 0) + int(np.sum(flags & flag != 0))
+            count = int(np.sum(found.flag & flag != 0))
+            self.flagged[flag] = self.flagged.get(flag, 0) + count
 
     def _show(self, line: LineDone, parts: list[_PaintedLine]) -> None:
         """Add parts to the picture that is shown; begin another one if they are none of it.
@@ -148,28 +181,48 @@ class Painter:
         those that search circles: it grows with them.
         """
         shown = f"{line.view} {SEARCH if line.searches else line.lines.partition('_')[0]}"
-        before = self._kept.setdefault(shown, []) if line.kind == CIRCLES else []
+        before = self._kept.setdefault(shown, [])
         square = self._squares.get(shown) or self._square(line)
         if line.kind == CIRCLES:
             dac = np.concatenate([part.dac for part in (*before, *parts)])
             if (dac < square[0]).any() or (dac >= square[1]).any():
                 square = square_around(dac, GROWN if line.searches else AROUND)
-        added = parts
-        if shown != self._shown or square != self._squares.get(shown):
+        other = self._choose(shown, parts)
+        chosen, added = self._chosen[shown], parts
+        if other or shown != self._shown or square != self._squares.get(shown):
             self._board.begin("image", low=square[0], high=square[1], name=shown)
             self._shown, self._squares[shown] = shown, square
             added = [*before, *parts]
         for part in added:
-            how = {"tall": part.tall, "wide": part.wide, "frequency": part.frequency}
-            self._board.add("image", part.arrays, **how)
-        before += parts
+            hertz = part.pixels.frequency
+            how = {"frequency": float(hertz[chosen]), "among": len(hertz)}
+            self._board.add("image", part.arrays(chosen), tall=part.tall, wide=part.wide, **how)
+        if line.kind == CIRCLES or self._may_choose(shown):
+            before += parts
+
+    def _choose(self, shown: str, parts: Sequence[_PaintedLine]) -> bool:
+        """Choose the frequency at which most moves so far; true if it is another one now."""
+        power = self._power.get(shown, 0.0) + np.sum([p.pixels.power() for p in parts], axis=0)
+        self._power[shown] = power
+        strongest, now = int(np.argmax(power)), self._chosen.get(shown)
+        if now is None:
+            self._chosen[shown] = strongest
+        elif power[strongest] > PLAINLY**2 * power[now] and self._may_choose(shown):
+            self._chosen[shown] = strongest
+            return True
+        return False
+
+    def _may_choose(self, shown: str) -> bool:
+        """Tell whether a picture of several frequencies is small enough to be painted anew."""
+        kept = sum(part.pixels.value.size for part in self._kept[shown])
+        return len(self._power[shown]) > 1 and kept <= MOST_KEPT
 
     def _image_scan(self, line: LineDone) -> ImageScan | None:
         """Find the part of the scan whose pixels are known beforehand, if the line is of it."""
-        if self._aimed is None:
+        if self._in_steps is None:
             e = self._experiment
-            self._aimed = e.scan.aimed(e.laser, e.target)
-        parts = self._aimed.parts(line.view)
+            self._in_steps = e.scan.in_steps(e.laser, e.target)
+        parts = self._in_steps.parts(line.view)
         images = (p for p in parts if isinstance(p, ImageScan) and p.kind == line.kind)
         return next(images, None)
 
@@ -194,18 +247,15 @@ class Painter:
         return square_around(dac, ROUGHLY if rough else AROUND)
 
 
-def painted_values(*lines: LineDone) -> tuple[NDArray[np.float32], NDArray[np.uint8], float]:
-    """Compute amplitudes, mm/s, and flags of the pixels of lines that were scanned alike.
-
-    Of several frequencies the first is taken; it comes last, Hz.
-    """
+def painted_pixels(*lines: LineDone) -> PaintedPixels:
+    """Compute amplitudes and flags of the pixels of lines that were scanned alike."""
     first = lines[0]
     image = pixels_of(first.signal, first.acquisition, [line.samples for line in lines])
-    value = MILLI * np.abs(image.velocity[:, 0])
-    return (
+    value = MILLI * np.abs(image.velocity)
+    return PaintedPixels(
         np.where(np.isfinite(value), value, 0.0).astype(np.float32),
         image.flags.astype(np.uint8),
-        float(image.frequencies[0]),
+        np.asarray(image.frequencies),
     )
 
 

@@ -7,6 +7,7 @@ again; `RunData` is what figures, checks and pages read. To add a variable, add 
 """
 
 from sldvexp.dataset.findings import (
+    MODAL_IMAGES,
     VERDICT,
     WITHOUT_POSE,
     Finding,
@@ -41,6 +42,7 @@ __all__ = [
     "CONVENTIONS",
     "DAC",
     "FREQUENCY",
+    "MODAL_IMAGES",
     "UNREADABLE",
     "VARIABLES",
     "VERDICT",

@@ -24,6 +24,8 @@ from sldvexp.lazy import xarray as xr
 
 #: Group of all findings; those of a stage are below it until the run is over.
 VERDICT = "verdict"
+#: Beginning of the names of the groups with the image of every mode, one a view.
+MODAL_IMAGES = "modes/image/"
 
 #: Attribute of the group ``pose``: names of the views whose pose was not found, as JSON.
 WITHOUT_POSE = "without_pose"

@@ -114,14 +114,24 @@ VARIABLES: dict[str, dict[str, Variable]] = {
             "1",
             "standard error of the share of the second mode in the first's shape",
         ),
+        "shape_change": _V(
+            "part pole_parameter mode",
+            "1",
+            "share of the parameter's mode that enters the mode's shape, per unit of its error",
+        ),
         "complexity": _V("mode", "1", "1 - modal phase collinearity; 0 if all moves in phase"),
         "complexity_std": _V("mode", "1", "its standard error"),
         "phase": _V("mode", "rad", "phase of the mode at resonance against the reference", "deg"),
+        "reference": _V(
+            "", "V", "amplitude of the reference that modal velocities are for, if it is known"
+        ),
         "modal_scale": _V(
             "mode", "m/s", "r.m.s. velocity of all pixels at resonance, per unit of the reference"
         ),
         "modal_scale_std": _V("mode", "m/s", "its standard error"),
-        "misfit": _V("", "1", "variance of what the modes leave over, over that of the noise"),
+        "misfit": _V(
+            "", "1", "variance of what the modes leave over, over that of noise and harmonics"
+        ),
         "misfit_dof": _V("", "1", "real degrees of freedom behind it"),
         "misfit_p_value": _V("", "1", "probability of such a misfit if only noise is left over"),
         "misfit_by_line": _V("line", "1", "the same of each line"),
@@ -131,6 +141,12 @@ VARIABLES: dict[str, dict[str, Variable]] = {
         "synthesis_rms": _V("line", "m/s", "the same of the modes"),
         "residual_rms": _V("line", "m/s", "the same of measured minus synthesised"),
         "noise_rms": _V("line", "m/s", "r.m.s. stated noise of all pixels, of both parts"),
+        "harmonics_rms": _V(
+            "line", "m/s", "r.m.s. of the harmonics of other lines, as they are allowed for"
+        ),
+        "harmonic_ratio": _V(
+            "harmonic", "1", "r.m.s. of a line's harmonic over the line, found in other lines"
+        ),
         "candidate_order": _V("candidate", "1", "order of the fit that has the pole"),
         "candidate_frequency": _V("candidate", "Hz", "its natural frequency"),
         "candidate_damping": _V("candidate", "1", "its damping ratio"),
@@ -161,6 +177,10 @@ VARIABLES: dict[str, dict[str, Variable]] = {
         "directed_p_value": _V("mode", "1", "probability of such a part if the shape is right"),
         "mixed": _V("mode model_mode", "1", "share of the model's other modes in the measured one"),
         "mixed_std": _V("mode model_mode", "1", "its standard error, per part"),
+        "modal_mass": _V(
+            "mode", "kg", "modal mass for a shape that is 1 where the model moves most"
+        ),
+        "modal_mass_std": _V("mode", "kg", "its standard error"),
         "shapes_p_value": _V("", "1", "probability of the chi2 of all shapes, poses in common"),
         "shapes_directed_p_value": _V("", "1", "the same of the directed part"),
         "frequencies_chi2": _V("", "1", "squares of all differences over their covariance"),
@@ -305,6 +325,9 @@ VARIABLES: dict[str, dict[str, Variable]] = {
         "confidence": _V(_FIELD, "m/s", "half-width of its interval, of the larger part"),
         "velocity_std_noise": _V(_FIELD, "m/s", "standard error from the pixels' noise"),
         "velocity_std_pose": _V(_FIELD, "m/s", "standard error from the poses, of the larger part"),
+        "velocity_std_poles": _V(
+            _FIELD, "m/s", "standard error from frequency and damping of the modes, of modes alone"
+        ),
         "velocity_std_by_part": _V(f"part {_FIELD}", "m/s", "standard error of each part"),
         "confidence_by_part": _V(f"part {_FIELD}", "m/s", "half-width of each part's interval"),
         "variance": _V(

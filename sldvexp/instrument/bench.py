@@ -15,10 +15,12 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from sldvexp.instrument.protocol import Acquisition, Instrument, RawSamples, Status
+from sldvexp.instrument.protocol import CHANNELS, Acquisition, Instrument, RawSamples, Status
 
 #: Periods of the lowest frequency that a quick look takes, and its fewest samples.
 PERIODS, FEWEST = 4, 32
+#: Power at a line over the median of all lines, from which it is no chance.
+STANDS_OUT = 10.0
 
 
 @runtime_checkable
@@ -61,10 +63,39 @@ def picture(instrument: Instrument) -> NDArray[np.uint8] | None:
     return instrument.picture() if isinstance(instrument, TellsAtBench) else None
 
 
-def quick(acquisition: Acquisition) -> Acquisition:
+def strongest_line(
+    instrument: Instrument, acquisition: Acquisition, dac: NDArray[np.int64]
+) -> float | None:
+    """Find the line of a broadband signal at which most moves at some places, Hz.
+
+    It is ``max_f sum |V_f|^2`` of one record at each place, with V the velocity's spectrum. None if
+    none stands out, where nothing moves or no light comes back.
+
+    Parameters
+    ----------
+    acquisition : Acquisition
+        With a `drive`, and as many records as a scan takes.
+    dac : ndarray of int, shape (place, 2), steps
+    """
+    design = acquisition.drive
+    assert design is not None
+    instrument.configure(replace(acquisition, records=1))
+    samples = instrument.scan(dac)
+    lost = samples.status & Status.dropped_out
+    velocity = samples.counts[:, CHANNELS.index("velocity")].astype(float)
+    good = velocity[lost == 0] if len(lost) else velocity
+    power = np.square(np.abs(np.fft.rfft(good, axis=1)[:, design.lines])).sum(axis=0)
+    strongest = int(np.argmax(power))
+    if not power[strongest] > STANDS_OUT * np.median(power):
+        return None
+    return float(design.frequency[strongest])
+
+
+def quick(acquisition: Acquisition, hertz: float | None = None) -> Acquisition:
     """Shorten an acquisition to a quick look: some periods of the lowest frequency, no longer.
 
-    A broadband signal is looked at by a sine in the middle of its band.
+    A broadband signal is looked at by a sine of the frequency given, or else in the middle of its
+    band.
 
     Examples
     --------
@@ -73,7 +104,7 @@ def quick(acquisition: Acquisition) -> Acquisition:
     """
     if acquisition.drive is not None:
         middle = math.sqrt(math.prod(acquisition.drive.excitation.band))
-        tone = replace(acquisition.silent, excitation=(middle,), records=1, lead=0)
+        tone = replace(acquisition.silent, excitation=(hertz or middle,), records=1, lead=0)
         return quick(tone)
     periods = PERIODS * acquisition.rate / min(acquisition.excitation, default=acquisition.rate)
     return replace(acquisition, samples=min(acquisition.samples, max(FEWEST, math.ceil(periods))))

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import zipfile
 from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager
@@ -13,6 +14,7 @@ from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
+from numpy.lib.npyio import NpzFile
 from numpy.typing import NDArray
 from omegaconf import MISSING
 
@@ -38,6 +40,16 @@ from sldvexp.writing import make_folder, whole_or_nothing
 
 #: Arrays of a kept line, and the kinds of numbers that each may have.
 KINDS = {"dac": "iu", "asked": "f", "counts": "iu", "volts_per_count": "f", "status": "iu"}
+#: What reading a damaged line raises.
+DAMAGED = (
+    zipfile.BadZipFile,
+    ValueError,
+    TypeError,
+    EOFError,
+    KeyError,
+    MemoryError,
+    OSError,
+)
 
 
 def write_line(
@@ -80,13 +92,8 @@ def read_line(path: Path) -> tuple[IntArray, Array, RawSamples | ResponseSums] |
     An array may claim no more than a file of that size can hold, and its shape must go with those
     of the others.
     """
-    require_file(path)
     try:
-        with zipfile.ZipFile(path) as packed:
-            claimed = sum(part.file_size for part in packed.infolist())
-        if too_much_claimed(claimed, path.stat().st_size):
-            return None
-        with np.load(path) as kept:
+        with _opened(path) as kept:
             if "sxy" in kept:
                 return _sums(kept)
             found = {key: kept[key] for key in (*KINDS, "rate")}
@@ -102,8 +109,33 @@ def read_line(path: Path) -> tuple[IntArray, Array, RawSamples | ResponseSums] |
             found["counts"], found["volts_per_count"], float(found["rate"]), found["status"]
         )
         return found["dac"], found["asked"], samples
-    except (zipfile.BadZipFile, ValueError, TypeError, EOFError, KeyError, MemoryError, OSError):
+    except DAMAGED:
         return None
+
+
+def read_pixels(path: Path) -> tuple[IntArray, Array] | None:
+    """Read pixels and sampling as asked of a kept line, and no more; None if it is damaged."""
+    try:
+        with _opened(path) as kept:
+            dac, how = kept["dac"], kept["asked"]
+    except DAMAGED:
+        return None
+    sound = dac.dtype.kind in KINDS["dac"] and dac.shape[1:] == (2,)
+    return (dac, how) if sound else None
+
+
+def _opened(path: Path) -> NpzFile:
+    """Open a kept line whose arrays claim no more than a file of that size can hold."""
+    require_file(path)
+    kept = np.load(path)
+    if not isinstance(kept, NpzFile):
+        raise ValueError("not a line")
+    assert kept.zip is not None  # until it is closed
+    claimed = sum(part.file_size for part in kept.zip.infolist())
+    if too_much_claimed(claimed, path.stat().st_size):
+        kept.close()
+        raise ValueError("claims more than it holds")
+    return kept
 
 
 def _sums(kept: Mapping[str, NDArray[Any]]) -> tuple[IntArray, Array, ResponseSums] | None:
@@ -163,6 +195,9 @@ class TellsSums(Protocol):
 class Recording:
     """A recorded view as an `Instrument`: it can scan what was scanned, and nothing else.
 
+    In memory it has where each line is kept, by its pixels; samples stay on disk until they are
+    asked for.
+
     Parameters
     ----------
     folder : Path
@@ -176,11 +211,13 @@ class Recording:
             told = nearest(view, views) if views else "it has no scan lines at all"
             raise UserError(f"{folder}: has no scan lines of the view {view}; {told}")
         self.folder, self.view = folder, view
-        self._lines: dict[bytes, list[tuple[Array, RawSamples | ResponseSums]]] = {}
+        self._lines: dict[bytes, list[tuple[Array, Path]]] = {}
+        samplings: dict[bytes, Array] = {}  # most lines have the same
         for path in sorted((folder / JOURNAL / view).glob("*.npz")):
-            if (kept := read_line(path)) is not None:
-                dac, how, samples = kept
-                self._lines.setdefault(self._key(dac), []).append((how, samples))
+            if (kept := read_pixels(path)) is not None:
+                dac, how = kept
+                how = samplings.setdefault(how.tobytes(), how)
+                self._lines.setdefault(self._key(dac), []).append((how, path))
         self._asked = np.zeros(0)
         self._dac = np.zeros((1, 2), np.int64)
 
@@ -230,25 +267,26 @@ class Recording:
     def _found(self, dac: IntArray) -> RawSamples | ResponseSums:
         """Find what was kept of a line, the next in turn."""
         found = self._lines.get(self._key(dac), [])
-        if not found:
-            raise InstrumentError(
-                f"{self.folder}: the view {self.view} has no scan line of {len(dac)} pixels from "
-                f"({dac[0, 0]}, {dac[0, 1]}) to ({dac[-1, 0]}, {dac[-1, 1]}); a recording can only "
-                "be scanned as it was"
-            )
-        fits = [i for i, (how, _) in enumerate(found) if np.array_equal(how, self._asked)]
-        if not fits:
-            raise InstrumentError(
-                f"{self.folder}: was sampled with rate, samples, amplitude and frequencies "
-                f"{found[0][0].tolist()}; the scan's sampling must say the same"
-            )
-        line = found.pop(fits[0])
-        found.append(line)
-        return line[1]
+        while found:
+            fits = [i for i, (how, _) in enumerate(found) if np.array_equal(how, self._asked)]
+            if not fits:
+                raise InstrumentError(
+                    f"{self.folder}: was sampled with rate, samples, amplitude and frequencies "
+                    f"{found[0][0].tolist()}; the scan's sampling must say the same"
+                )
+            line = found.pop(fits[0])
+            if (kept := read_line(line[1])) is not None:
+                found.append(line)
+                return kept[2]
+        raise InstrumentError(
+            f"{self.folder}: the view {self.view} has no scan line of {len(dac)} pixels from "
+            f"({dac[0, 0]}, {dac[0, 1]}) to ({dac[-1, 0]}, {dac[-1, 1]}); a recording can only "
+            "be scanned as it was"
+        )
 
     @staticmethod
     def _key(dac: IntArray) -> bytes:
-        return np.ascontiguousarray(dac, np.int64).tobytes()
+        return hashlib.blake2b(dac.astype(np.int64).tobytes(), digest_size=16).digest()
 
 
 @register("instrument", "replay")

@@ -466,7 +466,7 @@ def _kind(word: str, after_key: bool) -> tuple[str, object]:
 @lru_cache(maxsize=512)
 def _unit(word: str) -> UnitLabel | None:
     """Understand a word as a unit of a motion or an angle; None if it is none."""
-    if not LIKE_A_UNIT.match(word):  # most words are none, and pint is slow
+    if not LIKE_A_UNIT.match(word):  # most words are none
         return None
     angles = {"radians": "rad", "degrees": "deg", "degree": "deg", "radian": "rad"}
     try:

@@ -14,8 +14,10 @@ import io
 import math
 import re
 from collections.abc import Collection, Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -41,7 +43,7 @@ class TextTable:
     ----------
     lines : list of int
         Of the header, if there is one, and of the rows.
-    rows : list of list of str
+    rows : list of tuple of str
         Cells without blanks around them, the numbers among them with decimal points.
     comments : list of (int, str)
         With the numbers of their lines.
@@ -50,7 +52,7 @@ class TextTable:
     path: Path
     header: list[str]
     lines: list[int]
-    rows: list[list[str]]
+    rows: list[tuple[str, ...]]
     comments: list[tuple[int, str]] = field(default_factory=list)
 
     def __repr__(self) -> str:
@@ -62,7 +64,7 @@ class TextTable:
             return self
         kept = [k for k, name in enumerate(self.header) if name not in names]
         whole = len(self.header)
-        rows = [[r[k] for k in kept] if len(r) == whole else r for r in self.rows]
+        rows = [tuple(r[k] for k in kept) if len(r) == whole else r for r in self.rows]
         return replace(self, header=[self.header[k] for k in kept], rows=rows)
 
     def where(self, row: int) -> str:
@@ -93,20 +95,22 @@ class TextTable:
 
     @cached_property
     def _columns(self) -> list[list[str]]:
-        for i, row in enumerate(self.rows):
-            if len(row) != len(self.header):
-                if any("\n" in cell for cell in row):
-                    raise UserError(
-                        f"{self.path}: is not a CSV table; is a quotation mark left open?"
-                    )
-                raise UserError(
-                    f"{self.where(i)}: has {len(row)} values under {len(self.header)} columns"
-                )
-        return [list(cells) for cells in zip(*self.rows, strict=True)]
+        count = len(self.header)
+        for i in np.flatnonzero(np.fromiter(map(len, self.rows), int) != count):
+            row = self.rows[i]
+            if any("\n" in cell for cell in row):
+                raise UserError(f"{self.path}: is not a CSV table; is a quotation mark left open?")
+            raise UserError(f"{self.where(int(i))}: has {len(row)} values under {count} columns")
+        cells = list(chain.from_iterable(self.rows))
+        return [cells[k::count] for k in range(count)]
 
     def floats(self, name: str) -> Array:
         """Convert a column to numbers; NaN where a cell is none."""
-        return np.array([_float(cell) for cell in self.column(name)], float)
+        cells = self.column(name)
+        if not "".join(cells).encode().translate(None, DIGITS_AND_SIGNS):
+            with suppress(ValueError):  # an empty cell, or more signs than a number has
+                return np.fromiter(map(float, cells), float, len(cells))
+        return np.array([_float(cell) for cell in cells], float)
 
     def numbers(self, columns: Sequence[str], of: Sequence[str] = ()) -> Array:
         """Convert columns to finite numbers, in the file's units.
@@ -203,27 +207,31 @@ def read_table(path: Path, inline_comments: bool = False) -> TextTable:
     text = read_text(path)
     comments = [
         (i, line.partition("#")[2].strip())
-        for i, line in enumerate(text.splitlines(), 1)
+        for i, line in enumerate(text.splitlines() if "#" in text else (), 1)
         if "#" in line and (inline_comments or line.strip(' "').startswith("#"))
     ]
-    if inline_comments:
+    if inline_comments and comments:
         text = "\n".join(line.partition("#")[0] for line in text.splitlines())
-    reader = csv.reader(io.StringIO(text), delimiter=_delimiter(text), skipinitialspace=True)
-    lines, rows = [], []
+    each = (f"{line}\n" for line in text.split("\n"))
+    reader = csv.reader(each, delimiter=_delimiter(text), skipinitialspace=True)
+    lines: list[int] = []
+    rows: list[tuple[str, ...]] = []  # tuples, which cost the collector of garbage nothing
     try:
         for cells in reader:
             if any(cells) and not cells[0].startswith("#"):
                 lines.append(reader.line_num)
-                rows.append([cell.strip() for cell in cells])
+                rows.append(tuple(map(str.strip, cells)))
     except csv.Error as error:
         raise UserError(f"{path}, line {reader.line_num}: is not CSV: {error}") from None
-    table = TextTable(path, rows[0] if rows else [], lines, rows[1:], comments)
+    table = TextTable(path, list(rows[0]) if rows else [], lines, rows[1:], comments)
     return replace(table, rows=_with_points(table))
 
 
 #: Delimiters of columns, those first that a decimal mark is not.
 DELIMITERS = "\t;,"
 NUMBER = re.compile(r"[+-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][+-]?[0-9]+)?|[+-]?(inf|nan)", re.I)
+#: Characters of finite numbers, which `float` reads as `NUMBER` tells if there are no others.
+DIGITS_AND_SIGNS = b"0123456789+-.eE"
 #: A number with a decimal comma.
 WITH_COMMA = re.compile(r"[+-]?([0-9]+,[0-9]*|,[0-9]+)([eE][+-]?[0-9]+)?")
 
@@ -235,7 +243,7 @@ def _delimiter(text: str) -> str:
     return max(DELIMITERS, key=header.count)
 
 
-def _with_points(table: TextTable) -> list[list[str]]:
+def _with_points(table: TextTable) -> list[tuple[str, ...]]:
     """Write decimal points for the decimal commas of a table.
 
     Raises
@@ -243,7 +251,11 @@ def _with_points(table: TextTable) -> list[list[str]]:
     UserError
         If some numbers have a point and others a comma, so that one of them may part thousands.
     """
-    commas = [i for i, row in enumerate(table.rows) if any(map(WITH_COMMA.fullmatch, row))]
+    commas = [
+        i
+        for i, row in enumerate(table.rows)
+        if "," in "".join(row) and any(map(WITH_COMMA.fullmatch, row))
+    ]
     if not commas:
         return table.rows
     for i, row in enumerate(table.rows):
@@ -253,7 +265,10 @@ def _with_points(table: TextTable) -> list[list[str]]:
                 "decimal comma; one of them is needed throughout"
             )
     require_decimals((c for row in table.rows for c in row if WITH_COMMA.fullmatch(c)), table.path)
-    return [[c.replace(",", ".") if WITH_COMMA.fullmatch(c) else c for c in r] for r in table.rows]
+    return [
+        tuple(c.replace(",", ".") if WITH_COMMA.fullmatch(c) else c for c in row)
+        for row in table.rows
+    ]
 
 
 #: A number whose comma may part thousands.
@@ -308,7 +323,7 @@ def write_table(path: Path, header: Sequence[str], rows: Iterable[Sequence[objec
     >>> path = Path(tempfile.mkdtemp(), "points.csv")
     >>> write_table(path, ["point", "x_m"], [[7, 0.5]])
     >>> read_table(path).rows
-    [['7', '0.5']]
+    [('7', '0.5')]
     """
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")

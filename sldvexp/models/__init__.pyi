@@ -1,5 +1,6 @@
 from . import estimate as estimate
 from . import mapping as mapping
+from . import modal_mass as modal_mass
 from . import placing as placing
 from . import result as result
 from . import wording as wording

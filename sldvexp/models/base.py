@@ -16,11 +16,14 @@ import numpy as np
 from sldvexp.errors import Checks, UserError, nearest
 from sldvexp.geometry import rigid_transform, rotation_from_euler
 from sldvexp.models.finite_elements import FiniteElementModel
+from sldvexp.models.modal_mass import DrivePoint
 from sldvexp.typing import Array
 from sldvexp.units import LengthUnit
 
 #: Sensitivities d ln f / d ln theta that all modes of a thin plate or shell in bending have.
 BENDING = {"E": 0.5, "rho": -0.5, "thickness": 1.0}
+#: Least relative change of a parameter from one file to another.
+LEAST_CHANGE = 1e-3
 #: By how much matched points may stay apart, of their extent.
 MATCHED = 0.02
 
@@ -92,6 +95,22 @@ class ModelFrame:
 
 
 @dataclass
+class VariedModel:
+    """A model that is the same but for one parameter.
+
+    Parameters
+    ----------
+    path : str
+        Universal file or mesh with as many modes.
+    value : float
+        Of the parameter there.
+    """
+
+    path: str = ""
+    value: float = 0.0
+
+
+@dataclass
 class ModelParameter:
     """A property that the model was made with.
 
@@ -105,11 +124,14 @@ class ModelParameter:
         Relative change of the frequencies by a relative change of it, d ln f / d ln value: one
         number for all modes, or one a mode of the model. E, rho and thickness need none: 0.5, -0.5
         and, of bending of thin structures, 1.
+    varied : VariedModel, optional
+        Instead: a file with another value of it, whose frequencies tell the sensitivity.
     """
 
     value: float = 1.0
     tolerance: float = 0.0
     sensitivity: list[float] = field(default_factory=list)
+    varied: VariedModel | None = None
 
 
 @dataclass
@@ -133,6 +155,8 @@ class ModelSource(ABC):
     discretisation : list of float
         Relative standard uncertainty of the frequencies from the mesh: one for all modes, or one a
         mode of the model.
+    drive : DrivePoint, optional
+        Force that drives the structure, from which modal masses follow.
     pair_above : float
         MAC from which a measured mode and one of the model are a pair.
     confidence : float
@@ -145,6 +169,7 @@ class ModelSource(ABC):
     parameters: dict[str, ModelParameter] = field(default_factory=dict)
     adjust: dict[str, float] = field(default_factory=dict)
     discretisation: list[float] = field(default_factory=list)
+    drive: DrivePoint | None = None
     pair_above: float = 0.5
     confidence: float = 0.95
 
@@ -153,6 +178,8 @@ class ModelSource(ABC):
         self.frame.check(checks, "frame")
         checks.probability("pair_above", self.pair_above)
         checks.probability("confidence", self.confidence)
+        if self.drive is not None:
+            self.drive.check(checks, "drive")
         for value in self.discretisation:
             checks.non_negative("discretisation", value)
         for name, parameter in self.parameters.items():
@@ -169,9 +196,23 @@ class ModelSource(ABC):
         where = f"parameters.{name}"
         checks.positive(f"{where}.value", parameter.value)
         checks.non_negative(f"{where}.tolerance", parameter.tolerance)
-        known = bool(parameter.sensitivity) or name in BENDING or name in self.known_parameters
+        varied = parameter.varied
+        known = bool(parameter.sensitivity) or name in BENDING or varied is not None
         message = "must be given, as in [0.5]: how the frequencies change with it"
         checks.require(known, f"{where}.sensitivity", message)
+        if varied is None:
+            return
+        checks.positive(f"{where}.varied.value", varied.value)
+        checks.require(bool(varied.path), f"{where}.varied.path", "must name a file")
+        twice = bool(parameter.sensitivity)
+        checks.require(not twice, f"{where}.sensitivity", "is told by varied; give one of them")
+        if parameter.value > 0 and varied.value > 0:
+            change = abs(varied.value / parameter.value - 1)
+            told = (
+                f"must differ from {parameter.value:g} by {LEAST_CHANGE:g} of it or more, so that "
+                "digits of a file tell the change"
+            )
+            checks.require(change >= LEAST_CHANGE, f"{where}.varied.value", told)
 
     @property
     def known_parameters(self) -> list[str]:
@@ -197,11 +238,14 @@ class ModelSource(ABC):
 
     def sensitivities(self, model: FiniteElementModel) -> dict[str, Array]:
         """Give d ln f / d ln theta of every parameter, shape (mode,)."""
-        return {
-            name: self.by_mode(f"parameters.{name}.sensitivity", own, model.modes)
-            for name, parameter in self.parameters.items()
-            for own in [parameter.sensitivity or [BENDING[name]]]
-        }
+        return {n: self.given_sensitivity(n, p, model) for n, p in self.parameters.items()}
+
+    def given_sensitivity(
+        self, name: str, parameter: ModelParameter, model: FiniteElementModel
+    ) -> Array:
+        """Give a parameter's d ln f / d ln theta as its settings say it, shape (mode,)."""
+        own = parameter.sensitivity or [BENDING[name]]
+        return self.by_mode(f"parameters.{name}.sensitivity", own, model.modes)
 
     def tolerances(self) -> dict[str, float]:
         """Give the relative standard uncertainty of every parameter."""

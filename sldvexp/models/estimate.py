@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -21,6 +21,7 @@ from sldvexp.models.frequency_agreement import (
     examine_frequencies,
 )
 from sldvexp.models.mapping import PredictedPixels, map_shapes, modal_pixels
+from sldvexp.models.modal_mass import ModalMasses, modal_masses
 from sldvexp.models.pairing import assurance_matrix, pair_modes
 from sldvexp.models.placing import check_place, check_seen
 from sldvexp.models.shape_agreement import (
@@ -56,6 +57,8 @@ class ExaminedModel:
     data : FrequencyData
     frequencies : FrequencyTest
     updated : UpdatedParameters, optional
+    masses : ModalMasses, optional
+        Where force and reference are known, unless the shapes are rejected.
     modes : xarray.Dataset
         The measured ones.
     confidence : float
@@ -72,6 +75,7 @@ class ExaminedModel:
     data: FrequencyData
     frequencies: FrequencyTest
     updated: UpdatedParameters | None
+    masses: ModalMasses | None
     modes: xr.Dataset
     confidence: float
 
@@ -154,7 +158,7 @@ def examine_model(
     )
     data = known.of_pairs(modes, paired, pair[paired])
     updated = update_parameters(data, source.adjust) if source.adjust else None
-    return ExaminedModel(
+    found = ExaminedModel(
         model,
         views,
         pixels,
@@ -166,6 +170,10 @@ def examine_model(
         data,
         examine_frequencies(data),
         updated,
+        None,
         modes,
         source.confidence,
     )
+    if source.drive is None or found.shapes_rejected or "reference" not in modes:
+        return found
+    return replace(found, masses=modal_masses(model, tests, modes, source.drive))

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sldvexp.dataset import views_without_pose
+from sldvexp.dataset import MODAL_IMAGES, views_without_pose
 from sldvexp.errors import UserError
 from sldvexp.geometry import rotation_from_vector
 from sldvexp.laser import TwoMirror, rays
@@ -22,7 +22,6 @@ from sldvexp.models.seen_surface import Met, SeenSurface
 from sldvexp.pose import EXTRINSICS, nominal_intrinsics, places, true_angles
 from sldvexp.typing import Array, BoolArray, ComplexArray, IndexArray
 
-MODAL_IMAGES = "modes/image/"
 #: Steps of pose (rad, m) and mirrors (DAC steps) to both sides of which effects are differences.
 STEP, DAC_STEP = 1e-5, 0.5
 #: Beams flatter to the surface than this cosine are left out.

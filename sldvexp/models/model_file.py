@@ -11,7 +11,9 @@ from sldvexp.config.registry import register
 from sldvexp.errors import Checks
 from sldvexp.models.base import ModelSource
 from sldvexp.models.finite_elements import FiniteElementModel
+from sldvexp.models.other_files import mesh_error, sensitivity_of
 from sldvexp.models.readers import read_model
+from sldvexp.typing import Array
 
 
 @register("model", "file")
@@ -30,22 +32,34 @@ class ModelFile(ModelSource):
         Of the shapes, where the file does not say them.
     containing : str
         Text that the lines that identify a mode, or the name of its array, must have.
+    coarser : str, optional
+        File of the same structure with larger elements and as many modes, alike else: tells the
+        error of the frequencies in place of `discretisation`.
+    order : float
+        Power of the elements' size with which frequencies converge: 2 of linear and quadratic
+        shells and solids, 4 of cubic plates. A smaller one makes the error larger.
     """
 
     path: str = MISSING
     shapes: str | None = None
     frequencies: list[float] = field(default_factory=list)
     containing: str = ""
+    coarser: str | None = None
+    order: float = 2.0
 
     def check(self, checks: Checks) -> None:
         """See `ModelSource`."""
         super().check(checks)
         for value in self.frequencies:
             checks.positive("frequencies", value)
+        checks.positive("order", self.order)
+        both = self.coarser is not None and bool(self.discretisation)
+        checks.require(not both, "discretisation", "is told by coarser; give one of them")
 
     def inputs(self) -> list[str]:
         """See `ModelSource`."""
-        return [self.path, *([self.shapes] if self.shapes else [])]
+        varied = [p.varied.path for p in self.parameters.values() if p.varied is not None]
+        return [self.path, *filter(None, (self.shapes, self.coarser)), *varied]
 
     def read(self) -> FiniteElementModel:
         """See `ModelSource`."""
@@ -53,3 +67,24 @@ class ModelFile(ModelSource):
         return read_model(
             locate(self.path), self.unit.value, shapes, self.frequencies, self.containing
         )
+
+    def sensitivities(self, model: FiniteElementModel) -> dict[str, Array]:
+        """See `ModelSource`; of parameters with a file of another value, from that."""
+        found = {}
+        for name, p in self.parameters.items():
+            if p.varied is None:
+                found[name] = self.given_sensitivity(name, p, model)
+            else:
+                other = self._other(p.varied.path)
+                found[name] = sensitivity_of(self.read(), other, p.varied.value / p.value)
+        return found
+
+    def discretisation_of(self, model: FiniteElementModel) -> Array:
+        """See `ModelSource`; from a coarser mesh if there is one."""
+        if self.coarser is None:
+            return super().discretisation_of(model)
+        return mesh_error(self.read(), self._other(self.coarser), self.order)
+
+    def _other(self, path: str) -> FiniteElementModel:
+        """Read another file of the structure, with its own frequencies."""
+        return read_model(locate(path), self.unit.value, None, [], self.containing)

@@ -112,6 +112,7 @@ def _of_model(found: ExaminedModel, lines: _Lines | None) -> xr.Dataset:
         tolerance=[known.tolerance[n] for n in names] if names else None,
         unseen=[found.frequencies.unseen[n] for n in names] if names else None,
         **(_of_parameters(found) if updated is not None else {}),
+        **_of_masses(found),
         **({} if lines is None else {"line_frequency": lines.frequency}),
         **({} if by_line is None else _named("csac", by_line)),
     )
@@ -183,6 +184,14 @@ def _of_parameters(found: ExaminedModel) -> dict[str, Array]:
         "adjusted_value_std": value * updated.std,
         "adjusted_p_value": np.asarray(updated.p_value),
     }
+
+
+def _of_masses(found: ExaminedModel) -> dict[str, Array]:
+    """Collect modal masses, if the force is known."""
+    if found.masses is None:
+        return {}
+    own = {"modal_mass": found.masses.mass, "modal_mass_std": found.masses.std}
+    return {name: _at_modes(found, values) for name, values in own.items()}
 
 
 def _of_nodes(found: ExaminedModel) -> xr.Dataset:

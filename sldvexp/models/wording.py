@@ -20,6 +20,8 @@ from sldvexp.models.shape_agreement import ShapeTest
 NAMED, MOST = 4.0, 2
 #: Parameters on which the shapes of a structure of one material and thickness do not depend.
 BLIND = ("E", "rho", "thickness")
+#: Phase of the motion at the force from which it is told, in standard errors and rad.
+TURNED, LARGE = 4.0, 0.05
 
 
 def findings_about(found: ExaminedModel) -> list[Finding]:
@@ -30,6 +32,7 @@ def findings_about(found: ExaminedModel) -> list[Finding]:
         *_about_shapes(found),
         *_about_frequencies(found),
         *_about_parameters(found),
+        *_about_masses(found),
         *_about_limits(found),
     ]
 
@@ -177,6 +180,36 @@ def _about_parameters(found: ExaminedModel) -> Iterator[Finding]:
     )
 
 
+def _about_masses(found: ExaminedModel) -> Iterator[Finding]:
+    """Say what the modal masses are, and where the force is not as it is said to be."""
+    masses = found.masses
+    if masses is None:
+        return
+    frequency = found.modes["natural_frequency"].values[found.paired]
+    parts = [
+        f"{mass:.4g} +- {std:.2g} kg ({hertz:.4g} Hz)"
+        for mass, std, hertz in zip(masses.mass, masses.std, frequency, strict=True)
+    ]
+    yield _note(
+        "model_modal_masses",
+        f"modal masses, for shapes that are 1 where it moves most: {', '.join(parts)}",
+    )
+    phase = np.angle(masses.receptance)
+    turned = (np.abs(phase) > TURNED * masses.phase_std) & (np.abs(phase) > LARGE)
+    if turned.any():
+        some = ", ".join(
+            f"{np.degrees(p):+.3g} deg at {hertz:.4g} Hz"
+            for p, hertz in zip(phase[turned], frequency[turned], strict=True)
+        )
+        yield _note(
+            "model_force_turned",
+            f"the motion where the force acts leads it at resonance by {some}, where it should be "
+            "in phase: the force acts elsewhere, along another direction, or not in phase with the "
+            "reference, so that these modal masses are in doubt (model.drive)",
+            size=float(np.abs(phase).max()),
+        )
+
+
 def _about_limits(found: ExaminedModel) -> Iterator[Finding]:
     """Say what neither shapes nor frequencies could have shown."""
     named = [n for n in BLIND if n in found.known.sensitivity]
@@ -186,7 +219,8 @@ def _about_limits(found: ExaminedModel) -> Iterator[Finding]:
         for name, least in found.frequencies.unseen.items()
         if np.isfinite(least)
     ]
-    if not shapes and not seen:
+    open_masses = found.masses is None and not found.shapes_rejected
+    if not shapes and not seen and not open_masses:
         return
     text = ""
     if shapes:
@@ -197,6 +231,13 @@ def _about_limits(found: ExaminedModel) -> Iterator[Finding]:
     if seen and found.frequencies_judged:
         text += f"{'; ' if text else ''}its frequencies do not tell, in 19 of 20 cases, "
         text += f"{', '.join(seen)} within the other tolerances"
+    if open_masses:
+        text += f"{'; ' if text else ''}modal masses need " + (
+            "the force: where it acts, along which way and how large it is for one unit of the "
+            "reference (model.drive)"
+            if "reference" in found.modes
+            else "the amplitude of the reference, which the images do not say"
+        )
     yield _note("model_limits", text)
 
 

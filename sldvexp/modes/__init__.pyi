@@ -9,4 +9,5 @@ from .images import ModalImage as ModalImage
 from .images import ModalProjection as ModalProjection
 from .own import MostLikelyModes as MostLikelyModes
 from .responses import Responses as Responses
+from .shape_bounds import with_pole_errors as with_pole_errors
 from .stabilisation import Stabilisation as Stabilisation

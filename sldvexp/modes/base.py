@@ -6,6 +6,9 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from sldvexp.modes.compression import PrincipalResponses
+from sldvexp.modes.harmonics import LineHarmonics
+from sldvexp.modes.likelihood import PoleFit
 from sldvexp.modes.responses import Responses
 from sldvexp.modes.stabilisation import Stabilisation
 from sldvexp.typing import Array, ComplexArray
@@ -26,6 +29,10 @@ class ModalFit:
         method that has none.
     chi_square, dof : float
         Weighted squares of what the modes leave over of the lines, and their expectation.
+    weight : ndarray, shape (line,)
+        Of the lines: 1 over what noise and harmonics are there, in units of a pixel's noise.
+    harmonics : LineHarmonics
+        Those that the weights rest on.
     by_line : ndarray, shape (line,)
         Ratio of the two, line by line.
     responses : int
@@ -42,9 +49,34 @@ class ModalFit:
     chi_square: float
     dof: float
     by_line: Array
+    weight: Array
+    harmonics: LineHarmonics
     responses: int
     noise_ratio: float
     stabilisation: Stabilisation
+
+    @classmethod
+    def from_poles(
+        cls,
+        fit: PoleFit,
+        principal: PrincipalResponses,
+        harmonics: LineHarmonics,
+        stabilisation: Stabilisation,
+    ) -> ModalFit:
+        """Join poles with what they were found in; their starts are numbers of stable modes."""
+        return cls(
+            fit.pole,
+            fit.beyond,
+            fit.covariance,
+            fit.chi_square,
+            fit.dof,
+            fit.by_line,
+            principal.weight,
+            harmonics,
+            len(principal.values),
+            principal.noise_ratio,
+            stabilisation.renumbered(fit.start),
+        )
 
 
 class ModalMethod(ABC):

@@ -10,7 +10,7 @@ import contextlib
 import io
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from importlib.util import find_spec
 
 import numpy as np
@@ -19,6 +19,7 @@ from sldvexp.config.registry import register
 from sldvexp.errors import Checks, UserError
 from sldvexp.modes.base import ModalFit, ModalMethod
 from sldvexp.modes.compression import compress
+from sldvexp.modes.harmonics import weigh
 from sldvexp.modes.likelihood import at_poles
 from sldvexp.modes.model import poles_of
 from sldvexp.modes.own import MostLikelyModes
@@ -94,15 +95,8 @@ class SdypyModes(ModalMethod):
         found = (natural > line[0]) & (natural < line[-1]) & (damping > 0) & (damping < 1)
         if not found.any():
             raise UserError("sdypy-EMA finds no stable pole; choose modal.order higher")
-        fit = at_poles(compress(responses), poles_of(2 * np.pi * natural[found], damping[found]))
-        return ModalFit(
-            fit.pole,
-            fit.beyond,
-            fit.covariance,
-            fit.chi_square,
-            fit.dof,
-            fit.by_line,
-            own.responses,
-            own.noise_ratio,
-            own.stabilisation.renumbered(np.flatnonzero(found)[fit.start]),
-        )
+        poles = poles_of(2 * np.pi * natural[found], damping[found])
+        principal = weigh(compress(responses), responses, own.harmonics)
+        fit = at_poles(principal, poles)
+        fit = replace(fit, start=np.flatnonzero(found)[fit.start])
+        return ModalFit.from_poles(fit, principal, own.harmonics, own.stabilisation)

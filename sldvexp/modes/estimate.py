@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sldvexp import dataset
-from sldvexp.dataset import Finding
+from sldvexp.dataset import MODAL_IMAGES, Finding
 from sldvexp.lazy import xarray as xr
 from sldvexp.modes.base import ModalFit, ModalMethod
 from sldvexp.modes.collinearity import PhaseSums
@@ -20,8 +20,6 @@ from sldvexp.statistics import chi_square_p_value
 from sldvexp.typing import Array
 
 PARTS = ("real", "imaginary")
-#: Names of the groups of modal images begin so, as ``modes/image/front``.
-MODAL_IMAGES = "modes/image/"
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,17 +92,21 @@ def estimate_modes(images: Mapping[str, xr.Dataset], method: ModalMethod) -> Mod
     p_value = float(chi_square_p_value(fit.chi_square, fit.dof))
     wider = inflation(fit.chi_square / fit.dof, p_value)
     fit = replace(fit, covariance=fit.covariance * wider)
-    line_std = responses.noise()[1]
-    projection = ModalProjection(fit.pole, fit.beyond, responses.frequency, 1 / line_std)
+    projection = ModalProjection(
+        fit.pole, fit.beyond, responses.frequency, fit.weight, fit.harmonics
+    )
     mixing = projection.mixing(fit.covariance)
-    found, sums, quality = {}, PhaseSums.empty(len(fit.pole)), LineSums.empty(len(line_std))
+    found, sums, quality = {}, PhaseSums.empty(len(fit.pole)), LineSums.empty(len(fit.weight))
     for modal in projection.images(responses):
         image = images[modal.view.name]
         used = image["flags"].values == 0
         found[modal.view.name] = _image(modal, image, fit, mixing)
         sums += PhaseSums.of(modal.velocity[used], modal.std[used])
         quality += LineSums.of(modal, used)
-    modes = _modes(fit, responses, mixing, sums, quality)
+    modes = _modes(fit, responses, projection, sums, quality)
+    if responses.reference is not None:
+        first = next(iter(images.values()))["reference_amplitude"]
+        modes["reference"].attrs |= {k: first.attrs[k] for k in ("units",) if k in first.attrs}
     told = list(findings_about(modes, fit.responses))
     return ModalEstimate(fit, projection, modes, found, told)
 
@@ -134,14 +136,20 @@ def _image(modal: ModalImage, image: xr.Dataset, fit: ModalFit, mixing: Array) -
 
 
 def _modes(
-    fit: ModalFit, responses: Responses, mixing: Array, sums: PhaseSums, quality: LineSums
+    fit: ModalFit,
+    responses: Responses,
+    projection: ModalProjection,
+    sums: PhaseSums,
+    quality: LineSums,
 ) -> xr.Dataset:
     """Make the group ``modes``."""
+    mixing, changes = projection.mixing(fit.covariance), projection.changes
     natural, damping = _natural(fit)
     count, candidates = len(fit.pole), fit.stabilisation
     relative = np.sqrt(np.diag(fit.covariance))
-    scale, scale_std = None, None
+    scale, scale_std, reference = None, None, None
     if responses.reference is not None:
+        reference = responses.nominal
         scale = sums.rms() / responses.nominal
         scale_std = scale * np.hypot(np.diag(mixing[0]), sums.rms_relative_std())
     size = np.abs(candidates.pole)
@@ -155,6 +163,7 @@ def _modes(
             "pole_parameter": parameters,
             "pole_parameter2": parameters,
             "line": np.arange(len(responses.frequency)),
+            "harmonic": fit.harmonics.order,
             "candidate": np.arange(len(size)),
         },
         natural_frequency=natural,
@@ -165,9 +174,11 @@ def _modes(
         scale_std=np.diag(mixing[0]),
         phase_std=np.diag(mixing[1]),
         mixing_std=mixing,
+        shape_change=np.stack([changes.real, changes.imag]),
         complexity=sums.complexity(),
         complexity_std=sums.complexity_std(),
         phase=sums.phase(),
+        reference=reference,
         modal_scale=scale,
         modal_scale_std=scale_std,
         misfit=fit.chi_square / fit.dof,
@@ -180,6 +191,8 @@ def _modes(
         synthesis_rms=quality.rms("synthesis"),
         residual_rms=quality.rms("residual"),
         noise_rms=quality.rms("noise"),
+        harmonics_rms=quality.rms("harmonics"),
+        harmonic_ratio=fit.harmonics.ratio,
         candidate_order=candidates.order,
         candidate_frequency=size / (2 * np.pi),
         candidate_damping=-candidates.pole.real / size,

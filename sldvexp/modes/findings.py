@@ -2,7 +2,8 @@
 
 What is left over of the principal responses has the variance of the noise if the structure is
 linear, all modes are found and the noise is as stated. A few per cent more are seen, for there are
-thousands of degrees of freedom. Harmonics of strong lines that fall on others are the usual cause.
+thousands of degrees of freedom. Harmonics of strong lines that fall on others are the usual cause;
+where their ratios are found, they are allowed for and said.
 """
 
 from __future__ import annotations
@@ -26,6 +27,8 @@ NOISE_OFF = 0.05
 NAMED, HARMONICS = 6, (2, 3, 4, 5)
 #: How much stronger a line is whose harmonic is seen.
 STRONGER = 3.0
+#: Ratio of a harmonic beyond which the structure itself may not be linear, and with it its modes.
+NOT_LINEAR = 0.01
 #: Share of a neighbour in a mode's shape that is worth a word.
 MIXED = 0.02
 
@@ -50,6 +53,7 @@ def findings_about(modes: xr.Dataset, responses: int) -> Iterator[Finding]:
     responses : int
         How many principal responses there were.
     """
+    yield from _harmonics(modes)
     yield from _misfit(modes, responses)
     yield from _noise(modes)
     yield from _close(modes)
@@ -88,6 +92,32 @@ def _misfit(modes: xr.Dataset, responses: int) -> Iterator[Finding]:
         p_value,
         float(np.sqrt(misfit)),
         remedy if harmonics else "",
+    )
+
+
+def _harmonics(modes: xr.Dataset) -> Iterator[Finding]:
+    """Say which harmonics fall on lines, where most, and what was done about them."""
+    ratio, order = modes["harmonic_ratio"].values, modes["harmonic"].values
+    if not len(order):
+        return
+    worst = np.argsort(-(modes["harmonics_rms"] / modes["noise_rms"]).values, kind="stable")
+    told = ", ".join(f"{n:.0f} f: {r:.2g} %" for n, r in zip(order, 100 * ratio, strict=True))
+    named = ", ".join(_named(k, modes) for k in worst[:NAMED])
+    strong = bool(ratio.max() > NOT_LINEAR)
+    which = (
+        "a structure that is not linear has modes that depend on the excitation: compare with a "
+        "weaker one"
+        if strong
+        else "bounds hold it; excite odd multiples of a spacing, on which no even harmonics fall, "
+        "to be rid of most"
+    )
+    yield Finding(
+        "harmonics",
+        "modes",
+        f"harmonics of lines ({told} of them) fall on others, most at {named} Hz: these lines "
+        f"count for less; {which}",
+        Severity.doubtful if strong else Severity.note,
+        size=float(ratio.max()),
     )
 
 

@@ -14,6 +14,7 @@ from functools import cached_property
 
 import numpy as np
 
+from sldvexp.modes.harmonics import LineHarmonics
 from sldvexp.modes.model import (
     basis,
     basis_derivatives,
@@ -35,15 +36,18 @@ class ModalImage:
     velocity : ndarray of complex, shape (pixel, mode), m/s
         Peak at resonance, of the mode alone.
     std : ndarray, shape (pixel, mode), m/s
-        Per real and imaginary part, of the pixel's noise alone.
+        Per real and imaginary part, of the pixel's noise and its harmonics alone.
     residual : ndarray of complex, shape (pixel, line), m/s
         Measured minus synthesised.
+    harmonic_variance : ndarray, shape (pixel, line), m2/s2
+        Of each part of the lines, from harmonics of others.
     """
 
     view: ViewResponses
     velocity: ComplexArray
     std: Array
     residual: ComplexArray
+    harmonic_variance: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,12 +61,15 @@ class ModalProjection:
         Poles of the model whose modes are not told.
     frequency : ndarray, shape (line,), Hz
     weight : ndarray, shape (line,)
+    harmonics : LineHarmonics
+        Of each pixel's strong lines, which add to its noise at others.
     """
 
     pole: ComplexArray
     beyond: ComplexArray
     frequency: Array
     weight: Array
+    harmonics: LineHarmonics
 
     @property
     def omega(self) -> Array:
@@ -91,15 +98,37 @@ class ModalProjection:
         for view in responses.views(flagged=True):
             found = self.inverse @ split(view.velocity.T)
             residue = found[:modes] + 1j * found[modes : 2 * modes]
-            variance = power @ np.tile(view.std**2, 2).T
+            added = self.harmonics.variance(np.abs(view.every_line) ** 2 / 2) * responses.level**2
+            variance = power @ np.tile(view.std**2 + added, 2).T
             std = np.abs(scale)[:, None] * np.sqrt((variance[:modes] + variance[modes:]) / 2)
             synthesis = self.rows @ found
             lines = len(self.frequency)
             left = view.velocity - (synthesis[:lines] + 1j * synthesis[lines:]).T
-            yield ModalImage(view, (scale[:, None] * residue).T, std.T, left)
+            yield ModalImage(view, (scale[:, None] * residue).T, std.T, left, added)
+
+    @cached_property
+    def changes(self) -> ComplexArray:
+        """How errors of the poles change shapes, alike in all pixels, (2 mode, mode).
+
+        Share of an unknown's own mode that enters a mode's image, for each unit of ln w of all
+        modes, then of ln zeta.
+        """
+        modes = len(self.pole)
+        scale = velocity_per_residue(self.pole)
+        slopes = np.zeros((2 * modes, modes), complex)
+        for k, change in enumerate(
+            basis_derivatives(self.pole, self.omega).reshape(2 * modes, -1, 2)
+        ):
+            mode = k % modes
+            moved = -(self.inverse[: 2 * modes] @ change)  # of Re and Im of this mode's residue
+            into = (moved[:modes, 0] + moved[modes:, 1]) / 2
+            turned = (moved[modes:, 0] - moved[:modes, 1]) / 2
+            slopes[k] = (into + 1j * turned) * scale / scale[mode]
+            slopes[k, mode] += self._scale_change(k)
+        return slopes
 
     def mixing(self, covariance: Array) -> Array:
-        """Compute how the poles' uncertainty changes shapes, alike in all pixels.
+        """Compute how uncertain shapes are that way.
 
         Parameters
         ----------
@@ -113,23 +142,10 @@ class ModalProjection:
             the first's.
         """
         modes = len(self.pole)
-        scale = velocity_per_residue(self.pole)
-        slopes = []
-        for k, change in enumerate(
-            basis_derivatives(self.pole, self.omega).reshape(2 * modes, -1, 2)
-        ):
-            mode = k % modes
-            moved = -(self.inverse[: 2 * modes] @ change)  # of Re and Im of this mode's residue
-            into = (moved[:modes, 0] + moved[modes:, 1]) / 2
-            turned = (moved[modes:, 0] - moved[:modes, 1]) / 2
-            slope = np.zeros((modes, modes), complex)
-            slope[:, mode] = (into + 1j * turned) * scale / scale[mode]
-            slope[mode, mode] += self._scale_change(k)
-            slopes.append(slope)
-        parts = np.array(slopes)
-        real = np.einsum("iab,ij,jab->ab", parts.real, covariance, parts.real)
-        imaginary = np.einsum("iab,ij,jab->ab", parts.imag, covariance, parts.imag)
-        return np.sqrt(np.stack([real, imaginary]))
+        by_mode = self.changes.reshape(2, modes, modes)  # by ln w or ln zeta of the second
+        own = covariance.reshape(2, modes, 2, modes)[:, range(modes), :, range(modes)]
+        parts = (by_mode.real, by_mode.imag)
+        return np.sqrt(np.stack([np.einsum("pba,bpq,qba->ab", p, own, p) for p in parts]))
 
     def _scale_change(self, unknown: int) -> float:
         """Differentiate ln of v / R, which knows the damping alone, by an unknown."""

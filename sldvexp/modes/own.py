@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from sldvexp.config.registry import register
 from sldvexp.errors import Checks, UserError
 from sldvexp.modes.base import ModalFit, ModalMethod
 from sldvexp.modes.compression import PrincipalResponses, compress
+from sldvexp.modes.harmonics import find_harmonics, weigh
 from sldvexp.modes.likelihood import most_likely
 from sldvexp.modes.lscf import poles_by_order
 from sldvexp.modes.responses import Responses
@@ -16,8 +17,8 @@ from sldvexp.modes.stabilisation import StabilityRules, stabilise
 
 #: Orders for each principal response, and at least, where no order is chosen.
 ORDERS_EACH, ORDERS = 8, 40
-#: Lines that the smallest fit needs.
-FEWEST_LINES = 8
+#: Lines that the smallest fit needs, and those that each signal needs for its pole.
+FEWEST_LINES, LINES_EACH = 8, 4
 
 
 @register("modal", "own")
@@ -94,21 +95,23 @@ class MostLikelyModes(ModalMethod):
         found = stabilise(poles, principal, self.rules)
         band = f"between {responses.frequency[0]:g} and {responses.frequency[-1]:g} Hz"
         if not found.modes:
-            raise UserError(f"no mode lies {band}: no pole stays as the order grows")
+            signals = len(principal.values)
+            wanted = LINES_EACH * signals
+            few = (
+                f"; {signals} signals stand out of the noise, for whose poles {lines} lines are "
+                f"too few: measure at least {wanted}, several across every resonance"
+            )
+            told = f"no mode lies {band}: no pole stays as the order grows"
+            raise UserError(told + (few if lines < wanted else ""))
         fit = most_likely(principal, found.starts())
+        harmonics = find_harmonics(responses, principal, fit.by_line)
+        if len(harmonics.order) and len(fit.pole):
+            principal = weigh(principal, responses, harmonics)
+            again = most_likely(principal, fit.pole)
+            fit = replace(again, start=fit.start[again.start])
         if not len(fit.pole):
             raise UserError(f"no mode lies {band}: those that are seen lie beside it")
-        return ModalFit(
-            fit.pole,
-            fit.beyond,
-            fit.covariance,
-            fit.chi_square,
-            fit.dof,
-            fit.by_line,
-            len(principal.values),
-            principal.noise_ratio,
-            found.renumbered(fit.start),
-        )
+        return ModalFit.from_poles(fit, principal, harmonics, found)
 
     @property
     def rules(self) -> StabilityRules:

@@ -17,7 +17,7 @@ class LineSums:
     Parameters
     ----------
     pixels : int
-    measured, synthesis, residual, noise : ndarray, shape (line,)
+    measured, synthesis, residual, noise, harmonics : ndarray, shape (line,)
     """
 
     pixels: int
@@ -25,11 +25,12 @@ class LineSums:
     synthesis: Array
     residual: Array
     noise: Array
+    harmonics: Array
 
     @classmethod
     def empty(cls, lines: int) -> LineSums:
         """Make sums of no pixels."""
-        return cls(0, *np.zeros((4, lines)))
+        return cls(0, *np.zeros((5, lines)))
 
     @classmethod
     def of(cls, modal: ModalImage, used: BoolArray) -> LineSums:
@@ -38,7 +39,8 @@ class LineSums:
         both = (measured, measured - left, left)
         sums = [np.asarray(np.sum(np.abs(a) ** 2, axis=0)) for a in both]
         noise = np.asarray(2 * np.sum(modal.view.std[used] ** 2, axis=0))
-        return cls(int(used.sum()), sums[0], sums[1], sums[2], noise)
+        harmonics = np.asarray(2 * np.sum(modal.harmonic_variance[used], axis=0))
+        return cls(int(used.sum()), sums[0], sums[1], sums[2], noise, harmonics)
 
     def __add__(self, other: LineSums) -> LineSums:
         return LineSums(
@@ -47,6 +49,7 @@ class LineSums:
             self.synthesis + other.synthesis,
             self.residual + other.residual,
             self.noise + other.noise,
+            self.harmonics + other.harmonics,
         )
 
     def rms(self, of: str) -> Array:

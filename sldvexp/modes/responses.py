@@ -32,11 +32,14 @@ class ViewResponses:
         For the nominal excitation.
     std : ndarray, shape (pixel, line), m/s
         Per real and imaginary part.
+    every_line : ndarray of complex, shape (pixel, line of the image), m/s
+        All lines as they were measured.
     """
 
     name: str
     velocity: ComplexArray
     std: Array
+    every_line: ComplexArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,6 +123,11 @@ class Responses:
         return float(np.sqrt(np.mean(self.reference**2)))
 
     @property
+    def every_line(self) -> Array:
+        """Lines of the images, used or not, in the images' order, Hz."""
+        return np.asarray(next(iter(self.images.values()))["frequency"].values, float)
+
+    @property
     def level(self) -> Array:
         """Factors from the images' velocities to those for the nominal excitation, (line,)."""
         if self.reference is None:
@@ -136,8 +144,9 @@ class Responses:
         """Read view after view, with pixels that have a flag or without them."""
         for name, image in self.images.items():
             pixel = np.flatnonzero((image["flags"].values == 0) | flagged)
-            seen = np.asarray(image["velocity"].values[pixel][:, self.place] * self.level, complex)
-            yield ViewResponses(name, seen, self._std(image)[pixel])
+            every = np.asarray(image["velocity"].values[pixel], complex)
+            seen = np.asarray(every[:, self.place] * self.level, complex)
+            yield ViewResponses(name, seen, self._std(image)[pixel], every)
 
     def noise(self) -> tuple[dict[str, Array], Array]:
         """Find the factors of the noise.
@@ -160,6 +169,19 @@ class Responses:
                 squares += np.sum((std / pixel[name][:, None]) ** 2, axis=0)
             line = np.sqrt(squares / sum(map(len, pixel.values())))
         return pixel, line
+
+    def power(self) -> Array:
+        """Compute the mean square of a part of all unflagged pixels' velocities over their noise.
+
+        Returns
+        -------
+        ndarray, shape (line of the images,)
+            For the excitation as it was; the noise is that of a pixel's factor, see `noise`.
+        """
+        pixel, squares = self.noise()[0], np.zeros(len(self.every_line))
+        for view in self.views():
+            squares += np.sum(np.abs(view.every_line / pixel[view.name][:, None]) ** 2, axis=0) / 2
+        return squares / sum(map(len, pixel.values()))
 
 
 def _reference(images: Mapping[str, xr.Dataset], place: IndexArray) -> Array | None:

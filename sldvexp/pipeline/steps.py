@@ -8,11 +8,12 @@ from functools import partial
 from itertools import chain, count
 
 from sldvexp import field as velocity_field
-from sldvexp import importers, models, modes, session, shell, verdict, virtual_lab
+from sldvexp import importers, instrument, models, modes, pose, session, shell, verdict, virtual_lab
 from sldvexp.check import Examination, evaluate
 from sldvexp.config.experiment import Experiment
 from sldvexp.config.paths import JOURNAL
 from sldvexp.dataset import (
+    MODAL_IMAGES,
     VERDICT,
     Finding,
     Severity,
@@ -20,14 +21,10 @@ from sldvexp.dataset import (
     take_findings,
 )
 from sldvexp.errors import UserError
-from sldvexp.instrument import InstrumentError, ScanningPlugin
 from sldvexp.lazy import xarray as xr
 from sldvexp.pipeline.step import Run, Step, check_contracts
-from sldvexp.pose.aiming import aiming_at_marks
-from sldvexp.pose.base import Refine
 from sldvexp.reconstruction import Reconstruction
 from sldvexp.reconstruction.system import Robust
-from sldvexp.session.camera import NobodyThereError
 from sldvexp.session.interruption import has_lines, how_to_go_on
 from sldvexp.stopping import stopping_once
 
@@ -47,7 +44,7 @@ def _target(run: Run) -> None:
 def _scan(run: Run) -> None:
     """Scan what the instrument sees in every view: edges of circles, images."""
     e = run.experiment
-    if not isinstance(e.instrument, ScanningPlugin):
+    if not isinstance(e.instrument, instrument.ScanningPlugin):
         raise UserError(
             "scan: needs an instrument that scans, for example instrument=simulated with "
             "scene=calibration"
@@ -70,11 +67,11 @@ def _scan(run: Run) -> None:
                     run.operator,
                     run.keep,
                     run.watcher,
-                    partial(aiming_at_marks, e.laser, e.pose),
+                    partial(pose.aiming.aiming_at_marks, e.laser, e.pose),
                 )
                 skipped += take_findings(found)
                 run.tree |= {f"{prefix}{name}": group for name, group in found.items()}
-    except (InstrumentError, NobodyThereError) as error:
+    except (instrument.InstrumentError, session.NobodyThereError) as error:
         kept = f"; {how_to_go_on(run.folder)}" if has_lines(run.folder) else ""
         raise UserError(f"{error}{kept}") from error
     if skipped:
@@ -154,7 +151,7 @@ def _views(run: Run) -> None:
     """Compare the views with one another, before a field is made of them."""
     e = run.experiment
     robust = _leaves_pixels_out(e)
-    refined = e.pose is not None and e.pose.refine is Refine.images
+    refined = e.pose is not None and e.pose.refine is pose.base.Refine.images
     examined = verdict.examine_views(run.tree, e.laser, e.volume, robust, e.use_repair, refined)
     run.tree |= examined.groups
     for name in run.elsewhere & examined.groups.keys():
@@ -219,7 +216,10 @@ def _model_in_place(run: Run) -> None:
     if e.laser is None:
         raise UserError("model: needs a laser, whose beams tell where pixels meet it")
     try:
-        models.placing.check_place(e.model.model(), run.tree)
+        model = e.model.model()
+        models.placing.check_place(model, run.tree)
+        if e.model.drive is not None:
+            models.modal_mass.motion_at(model, e.model.drive)
     except UserError as error:
         raise UserError(f"model: {error}") from None
 
@@ -280,7 +280,7 @@ def _fields_of_modes(run: Run) -> None:
     tree = own | {
         k.removeprefix("modes/"): image
         for k, image in run.tree.items()
-        if k.startswith(modes.estimate.MODAL_IMAGES)
+        if k.startswith(MODAL_IMAGES)
     }
     try:
         if isinstance(e.reconstruction, shell.SurfaceReconstruction):
@@ -289,7 +289,8 @@ def _fields_of_modes(run: Run) -> None:
             found = [_in_volume(e, tree, e.reconstruction)]
     except UserError as error:
         raise UserError(f"modal: {error}") from None
-    run.tree |= dict(zip(("modes/field", "modes/strain"), found, strict=False))
+    wider = (modes.with_pole_errors(each, run.tree["modes"]) for each in found)
+    run.tree |= dict(zip(("modes/field", "modes/strain"), wider, strict=False))
 
 
 def _streamed_field(run: Run) -> None:
@@ -487,7 +488,7 @@ STEPS: tuple[Step, ...] = (
         "modes",
         lambda e: e.modal is not None,
         _modes,
-        makes=("modes", modes.estimate.MODAL_IMAGES, f"{VERDICT}/modes"),
+        makes=("modes", MODAL_IMAGES, f"{VERDICT}/modes"),
         needs=("image/",),
         reads=("modal",),
     ),
@@ -496,14 +497,14 @@ STEPS: tuple[Step, ...] = (
         lambda e: e.model is not None,
         _model,
         makes=("model", "model/", f"{VERDICT}/model"),
-        needs=("modes", modes.estimate.MODAL_IMAGES, "pose", "volume", "image/"),
+        needs=("modes", MODAL_IMAGES, "pose", "volume", "image/"),
     ),
     Step(
         "shapes of the modes",
         lambda e: bool(e.modal and e.reconstruction and e.volume and e.laser and e.solver),
         _fields_of_modes,
         makes=("modes/field", "modes/strain"),
-        needs=("pose", "volume", modes.estimate.MODAL_IMAGES),
+        needs=("modes", "pose", "volume", MODAL_IMAGES),
         reads=SOLVING,
     ),
     Step(

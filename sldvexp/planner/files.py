@@ -181,21 +181,24 @@ def _put_into_scan(
     in the world.
     """
     session = plugin == "session"
-    aimed = bool(scan.get("poses")) or (session and bool(scan["outline"]["path"]))
-    aimed = aimed or plan.place.marks.circles is not None
+    foreseen = bool(scan.get("poses")) or (session and bool(scan["outline"]["path"]))
+    foreseen = foreseen or plan.place.marks.circles is not None
     steps = {s.name: {"dac": s.circles.tolist()} for s in plan.added if len(s.circles)}
     corners = {s.name: {"corners": s.corners.tolist()} for s in plan.added}
     of_pose = {name: {"pose": pose} for name, pose in poses.items()}
-    if session and aimed:
+    if session and foreseen:
         scan["poses"] = {**(scan["poses"] if stays else {}), **poses}
         of_pose = {}
     if session or plugin == "calibration":
         circles = scan["calibration"] if session else scan
-        circles["views"] = {**(circles["views"] if stays else {}), **(of_pose if aimed else steps)}
+        circles["views"] = {
+            **(circles["views"] if stays else {}),
+            **(of_pose if foreseen else steps),
+        }
     if session or plugin == "rectangle":
         image = scan["structure"] if session else scan
-        aimed = _tell_region(image, plan) and (aimed or not session)
-        image["views"] = {**(image["views"] if stays else {}), **(of_pose if aimed else corners)}
+        foreseen = _tell_region(image, plan) and (foreseen or not session)
+        image["views"] = {**(image["views"] if stays else {}), **(of_pose if foreseen else corners)}
 
 
 def _tell_region(image: dict[str, Any], plan: StandPlan) -> bool:

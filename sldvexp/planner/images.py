@@ -15,9 +15,9 @@ from sldvexp.config.experiment import Experiment
 from sldvexp.field.visibility.view import View
 from sldvexp.geometry import rotation_towards
 from sldvexp.laser import direction_cosines
-from sldvexp.planner.aim import aimed, angles_of
 from sldvexp.planner.expected import empty_view
 from sldvexp.planner.place import BESIDE, Place, crosses
+from sldvexp.planner.turning import angles_of, turned_towards
 from sldvexp.scan.lines import half_chords, rectangle, strided
 from sldvexp.scan.rectangle import Rectangle
 from sldvexp.scan.session import Session
@@ -62,8 +62,8 @@ class Stand:
 
 
 def stand_at(name: str, origin: Array, place: Place) -> Stand:
-    """Aim an upright instrument at the object from a place."""
-    _, rotation = aimed(origin[None], place.to_be_seen, place.laser)
+    """Turn an upright instrument towards the object from a place."""
+    _, rotation = turned_towards(origin[None], place.to_be_seen, place.laser)
     look_at = looked_at(origin, rotation[0, 2], place)
     look_at = look_at.round(3)  # as it is written, so that the angles are those of what is written
     return known_stand(name, origin, look_at, rotation_towards(origin, look_at), place)

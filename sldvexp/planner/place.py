@@ -21,7 +21,7 @@ from sldvexp.field.visibility.projection import Occlusion
 from sldvexp.field.visibility.view import View
 from sldvexp.laser import TwoMirror
 from sldvexp.lazy import scipy
-from sldvexp.planner.aim import angles_of, limits
+from sldvexp.planner.turning import angles_of, limits
 from sldvexp.scan import Scan
 from sldvexp.scan.rectangle import Rectangle
 from sldvexp.scan.session import Session
@@ -39,8 +39,8 @@ ROUNDING = 1e-6
 #: Part by which the region goes beyond what must be in it, so that the outermost nodes have pixels
 #: on all sides.
 BESIDE = 0.015
-#: Depth of an object over its lesser extent, up to which it is flat.
-FLAT = 0.2
+#: Depth of an object over its lesser extent, up to which it is flat, and up to which it has none.
+FLAT, THIN = 0.2, 1e-3
 #: Corners of a region are told to a tenth of a millimetre.
 DECIMALS_OF_REGION = 4
 #: Points on the rim of each circle that beams must reach.
@@ -432,15 +432,17 @@ def region_of(scan: Scan | None) -> Array:
 def region_around(outline: Array, frame: Array) -> Array:
     """Lay the region to scan around a flat object, where nothing tells it, shape (corner, 3), m.
 
-    It is a rectangle in the object's middle plane, larger than the outline on each side by
-    `BESIDE`, and by its depth, so that both faces are within it as seen obliquely. Of an object
-    that is not flat there is none.
+    It is a rectangle around each of the two faces that are farthest apart, larger than the outline
+    on each side by `BESIDE`: a view scans the box that holds both as it sees them. Of an object
+    without depth it is one rectangle, of one that is not flat there is none.
 
     Examples
     --------
     >>> square = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
     >>> region_around(square, np.eye(3)[None]).round(3).tolist()[0]
     [-0.015, -0.015, 0.0]
+    >>> len(region_around(np.concatenate([square, square + [0, 0, 0.01]]), np.eye(3)[None]))
+    8
     """
     axes = frame[0]
     along = outline @ axes.T
@@ -448,11 +450,10 @@ def region_around(outline: Array, frame: Array) -> Array:
     extent, depth = (high - low)[:2], (high - low)[2]
     if depth > FLAT * extent.min():
         return np.zeros((0, 3))
-    beside = np.append(BESIDE * extent + depth, 0.0)
-    (a, b, _), (c, d, _) = low - beside, high + beside
-    middle = (low + high)[2] / 2
-    corners = np.array([[a, b, middle], [c, b, middle], [c, d, middle], [a, d, middle]])
-    return np.asarray((corners @ axes).round(DECIMALS_OF_REGION))
+    (a, b), (c, d) = low[:2] - BESIDE * extent, high[:2] + BESIDE * extent
+    faces = (low[2], high[2]) if depth > THIN * extent.min() else ((low + high)[2] / 2,)
+    corners = [[u, v, w] for w in faces for u, v in ((a, b), (c, b), (c, d), (a, d))]
+    return np.asarray((np.array(corners) @ axes).round(DECIMALS_OF_REGION))
 
 
 def outline_of(prisms: Prisms, margin: float) -> Array:

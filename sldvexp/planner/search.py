@@ -14,9 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from sldvexp.errors import UserError
-from sldvexp.planner.aim import aimed
 from sldvexp.planner.criterion import Goal, covariance_of
 from sldvexp.planner.place import SETTING_OF, Place, StandExamination
+from sldvexp.planner.turning import turned_towards
 from sldvexp.typing import Array
 
 #: Places that are drawn together, and how many at most for each candidate wanted.
@@ -99,14 +99,14 @@ def _drawn(place: Place, rng: np.random.Generator) -> Array:
 
 
 def examined(place: Place, origins: Array) -> StandExamination:
-    """Aim upright instruments at the object and examine what they see."""
-    _, rotations = aimed(origins, place.to_be_seen, place.laser)
+    """Turn upright instruments towards the object and examine what they see."""
+    _, rotations = turned_towards(origins, place.to_be_seen, place.laser)
     return place.examine(origins, rotations)
 
 
 def _none_of(place: Place, origins: Array) -> str:
     """Say which limit forbids most of some places."""
-    _, rotations = aimed(origins, place.to_be_seen, place.laser)
+    _, rotations = turned_towards(origins, place.to_be_seen, place.laser)
     losses = place.losses(origins, rotations)
     forbids = {reason: lost.mean(axis=1) > HALF for reason, lost in losses.items()}
     forbids |= place.refusals(origins, rotations)

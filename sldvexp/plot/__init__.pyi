@@ -4,6 +4,7 @@ from .catalogue import save as save
 from .circle_edges import conic_residuals as conic_residuals
 from .circle_edges import conics as conics
 from .circle_edges import edges as edges
+from .criteria_maps import model_criteria as model_criteria
 from .field_maps import field as field
 from .image_points import bitangents as bitangents
 from .image_points import pose_residuals as pose_residuals

@@ -18,6 +18,7 @@ from sldvexp.dataset import RunData, Source, is_void
 from sldvexp.errors import UserError, nearest
 from sldvexp.plot import (
     circle_edges,
+    criteria_maps,
     field_maps,
     image_points,
     line_scans,
@@ -74,6 +75,7 @@ FIGURES: dict[str, FigureEntry] = {
     "strain": FigureEntry(strain_maps.strain, strain_maps.unavailable_because),
     "hot_spots": FigureEntry(strain_maps.hot_spots, strain_maps.unavailable_because),
     "model_shapes": FigureEntry(model_pixels.model_shapes, model_pixels.unavailable_because),
+    "model_criteria": FigureEntry(criteria_maps.model_criteria, criteria_maps.unavailable_because),
     "spectrum": FigureEntry(point_spectra.spectrum, point_spectra.spectrum_unavailable_because),
     "residuals": FigureEntry(view_residuals.residuals, view_residuals.unavailable_because),
     "sweep": FigureEntry(sweep_comparison.sweep, sweep_comparison.unavailable_because),

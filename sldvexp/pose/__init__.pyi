@@ -1,3 +1,5 @@
+from . import aiming as aiming
+from . import base as base
 from .aiming import Aiming as Aiming
 from .aiming import AimingPlace as AimingPlace
 from .aiming import MarkResidual as MarkResidual

@@ -1,9 +1,10 @@
 """`pose=bundle`: points whose places are unknown, seen from several views, and a known distance.
 
 Poses and points are adjusted together (`sldvexp.pose.free_points`), without a start
-(`sldvexp.pose.bundle_start`). Distances set the scale, and nothing else does: an error of one part
-in a thousand moves an instrument 2 m away by 2 mm. The world's axes are those of three points, or
-the ones in which the points fit their rough coordinates best; bounds are those in these axes.
+(`sldvexp.pose.bundle_start`). Distances between points, or ranges to them, set the scale, and
+nothing else does: an error of one part in a thousand moves an instrument 2 m away by 2 mm. The
+world's axes are those of three points, or the ones in which the points fit their rough coordinates
+best; bounds are those in these axes.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ import numpy as np
 
 from sldvexp.config.registry import register
 from sldvexp.dataset import Finding, Severity
-from sldvexp.errors import Checks, UserError
+from sldvexp.errors import Checks, UserError, nearest
 from sldvexp.geometry import rigid_transform
 from sldvexp.io.registration import RegistrationTable, to_dataset
 from sldvexp.laser import TwoMirror
@@ -81,10 +82,40 @@ class Distance:
         checks.non_negative(f"{name}.std", self.std)
 
 
+@dataclass
+class MeasuredRange:
+    """A measured distance from an instrument to a point.
+
+    Parameters
+    ----------
+    view : str
+        From the place that `pose/origin` tells of it, the middle of its up-down mirror; a range
+        finder that counts from elsewhere has to be corrected for it.
+    point : int
+    length : float
+    std : float
+        Standard deviation of the length; 0 if it is exact.
+    unit : LengthUnit
+        Of both.
+    """
+
+    view: str = ""
+    point: int = 0
+    length: float = 0.0
+    std: float = 0.0
+    unit: LengthUnit = LengthUnit.m
+
+    def check(self, checks: Checks, name: str) -> None:
+        """Note under `name` what no range can be."""
+        checks.require(bool(self.view), f"{name}.view", "must name a view")
+        checks.positive(f"{name}.length", self.length)
+        checks.non_negative(f"{name}.std", self.std)
+
+
 @register("pose", "bundle")
 @dataclass
 class Bundle(RegistrationFiles, PoseMethod):
-    """Poses of all views from unknown points that they see, with one known distance or more.
+    """Poses of all views from unknown points that they see, with one known distance or range.
 
     Two views must see five points in common, each further one four points that others see.
     Object points of the registration data are rough coordinates, and count only for the world's
@@ -93,7 +124,10 @@ class Bundle(RegistrationFiles, PoseMethod):
     Parameters
     ----------
     distances : list of Distance
-        One or more, as ``[{points: [1, 2], length: 0.3, std: 0.0002}]``. They set the scale.
+        As ``[{points: [1, 2], length: 0.3, std: 0.0002}]``. These and ranges set the scale; one of
+        either is enough.
+    ranges : list of MeasuredRange
+        As ``[{view: front, point: 1, length: 1.652, std: 0.001}]``.
     frame : list of 3 int
         Points that make the world's axes: the origin, one on the x axis, one in the x-y plane on
         y's positive side. Without them the axes are those in which all points fit the rough
@@ -105,6 +139,7 @@ class Bundle(RegistrationFiles, PoseMethod):
     """
 
     distances: list[Distance] = field(default_factory=list)
+    ranges: list[MeasuredRange] = field(default_factory=list)
     frame: list[int] = field(default_factory=list)
     pointing: float = 1.0
     confidence: float = 0.95
@@ -116,6 +151,8 @@ class Bundle(RegistrationFiles, PoseMethod):
         checks.probability("confidence", self.confidence)
         for k, distance in enumerate(self.distances):
             distance.check(checks, f"distances[{k}]")
+        for k, measured in enumerate(self.ranges):
+            measured.check(checks, f"ranges[{k}]")
         three = len(self.frame) in (0, 3) and len(set(self.frame)) == len(self.frame)
         checks.require(three, "frame", f"must be three different points, not {self.frame}")
         checks.done()
@@ -238,8 +275,16 @@ class Network:
         rough = np.zeros((len(number), 3))
         for t in reversed(tables):
             rough[np.searchsorted(number, t.number)] = t.object_point
-        length = np.array([d.length * d.unit.value for d in method.distances])
-        std = np.array([d.std * d.unit.value for d in method.distances])
+        known: list[Distance | MeasuredRange] = [*method.distances, *method.ranges]
+        length, std = (
+            np.array([getattr(d, key) * d.unit.value for d in known]) for key in ("length", "std")
+        )
+        names = [t.name for t in tables]
+        ends = [np.searchsorted(number, d.points).tolist() for d in method.distances]
+        ends += [
+            [len(number) + names.index(r.view), int(np.searchsorted(number, r.point))]
+            for r in method.ranges
+        ]
         sightings = Sightings(
             view,
             point,
@@ -247,12 +292,12 @@ class Network:
             laser.step,
             method.pointing,
             laser.mirror_offset,
-            np.searchsorted(number, [d.points for d in method.distances]),
+            np.array(ends),
             length,
             np.maximum(std, EXACT * length),
         )
         return cls(
-            [t.name for t in tables],
+            names,
             number,
             rough,
             sightings,
@@ -266,6 +311,13 @@ class Network:
         """Name a sighting."""
         view, point = self.sightings.view[k], self.sightings.point[k]
         return f"point {self.number[point]} of view {self.views[view]}"
+
+    def between(self, k: int) -> str:
+        """Name the ends of a known distance."""
+        one, other = self.sightings.pairs[k]
+        if one < len(self.number):
+            return f"points {self.number[one]} and {self.number[other]}"
+        return f"view {self.views[one - len(self.number)]} and point {self.number[other]}"
 
     def chosen(self, judged: JudgedSightings) -> tuple[AdjustedPoints, AdjustedPoints | None]:
         """Choose a configuration, and give the next that the angles cannot refute, if any.
@@ -317,12 +369,21 @@ def _require_enough(tables: Sequence[RegistrationTable], number: IntArray, metho
             f"pose=bundle needs two views or more of the same points, not {len(tables)}; of known "
             "points one view is enough: pose=manual"
         )
-    if not method.distances:
+    if not method.distances and not method.ranges:
         raise UserError(
             "pose=bundle needs a known distance, which sets the scale: "
-            "pose.distances=[{points: [1, 2], length: 0.3, std: 0.0002}]"
+            "pose.distances=[{points: [1, 2], length: 0.3, std: 0.0002}], or a range: "
+            "pose.ranges=[{view: front, point: 1, length: 1.652, std: 0.001}]"
         )
+    views = [t.name for t in tables]
+    for k, measured in enumerate(method.ranges):
+        if measured.view not in views:
+            raise UserError(
+                f"pose.ranges[{k}].view: there is no view {measured.view}; "
+                f"{nearest(measured.view, views)}"
+            )
     where = [(f"distances[{k}].points", d.points) for k, d in enumerate(method.distances)]
+    where += [(f"ranges[{k}].point", [r.point]) for k, r in enumerate(method.ranges)]
     for key, named in [*where, ("frame", method.frame)]:
         for n in named:
             if n not in number:
@@ -424,16 +485,16 @@ def _exchanged(network: Network, pair: tuple[int, int], judged: JudgedSightings)
 
 def _wrong_distance(network: Network, wrong: Sequence[int], p_value: float) -> Finding:
     """Say which known distances contradict everything else."""
-    pairs = network.number[network.sightings.pairs[list(wrong)]]
-    names = " or ".join(f"that of points {a} and {b}" for a, b in pairs)
+    ends = [network.between(k) for k in wrong]
+    names = " or ".join(f"that of {pair}" for pair in ends)
     return Finding(
         "wrong_distance",
-        " or ".join(f"distance of points {a} and {b}" for a, b in pairs),
+        " or ".join(f"distance of {pair}" for pair in ends),
         f"the known distances contradict one another: {names} is wrong, without which everything "
         f"agrees (p = {p_value:.1g}); the poses rest on all of them",
         Severity.void,
         p_value=p_value,
-        remedy="measure the distances in pose.distances again",
+        remedy="measure the distances in pose.distances and pose.ranges again",
     )
 
 
@@ -464,7 +525,7 @@ def _ambiguous(
 def _notes(method: Bundle, network: Network) -> Iterator[str]:
     """Say what the scale and the axes rest on."""
     std = 1 / np.sqrt(np.sum((network.sightings.length / network.sightings.length_std) ** 2))
-    if any(d.std for d in method.distances):
+    if any(d.std for d in method.distances) or any(r.std for r in method.ranges):
         yield f"the known distances give the scale to {100 * std:.2g} %"
     if method.frame:
         one, other, third = method.frame

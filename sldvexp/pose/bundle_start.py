@@ -121,7 +121,7 @@ def _grown(
         posed[view] = True
     if not placed.all():
         return None
-    scale = np.sum(sightings.length**2) / np.sum(sightings.length * sightings.distances(at.points))
+    scale = np.sum(sightings.length**2) / np.sum(sightings.length * sightings.distances(at))
     return at.scaled(float(scale))
 
 

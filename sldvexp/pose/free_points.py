@@ -1,10 +1,11 @@
 """Unknown points that several views see, adjusted together with the views' poses.
 
 The recorded angles of point j in view i are ``project(R_i (p_j - o_i)) + noise``, a known distance
-is ``|p_j - p_k| + noise``. All poses and points are adjusted by least squares over known standard
-deviations (a bundle adjustment). Angles and distances do not change if everything is moved as a
-whole, so that six directions of the unknowns are free. What the world's axes are fixes them as
-constraints ``C dx = 0`` (Meissl, 1965), and the covariance is the upper left block of::
+is ``|p_j - p_k| + noise``, a range ``|p_j - o_i| + noise``. All poses and points are adjusted by
+least squares over known standard deviations (a bundle adjustment). Angles and distances do not
+change if everything is moved as a whole, so that six directions of the unknowns are free. What the
+world's axes are fixes them as constraints ``C dx = 0`` (Meissl, 1965), and the covariance is the
+upper left block of::
 
     [ N  C' ]^-1
     [ C  0  ]
@@ -83,7 +84,7 @@ class Sightings:
         Standard deviation of each angle.
     mirror_offset : float, m
     pairs : ndarray of int, shape (D, 2)
-        Points of each known distance.
+        Ends of each known distance: points, and after them the views for their origins.
     length, length_std : ndarray, shape (D,), m
     """
 
@@ -125,9 +126,14 @@ class Sightings:
             length_std=self.length_std[kept],
         )
 
-    def distances(self, points: Array) -> Array:
+    def apart(self, at: Configuration) -> Array:
+        """Give the first less the second end of each of `pairs`, shape (D, 3), m."""
+        ends = np.concatenate([at.points, at.origin])
+        return np.asarray(ends[self.pairs[:, 0]] - ends[self.pairs[:, 1]])
+
+    def distances(self, at: Configuration) -> Array:
         """Give the distances of `pairs`, shape (D,), m."""
-        return np.linalg.norm(points[self.pairs[:, 0]] - points[self.pairs[:, 1]], axis=1)
+        return np.linalg.norm(self.apart(at), axis=1)
 
     def residual(self, at: Configuration) -> Array:
         """Give observed minus predicted of angles and distances over their standard deviations.
@@ -137,7 +143,7 @@ class Sightings:
         seen = self._seen(at)
         angle = (self.angle - project(seen, self.mirror_offset)) / (self.step * self.std)
         angle[seen[:, 2] <= 0] = np.inf
-        distance = (self.length - self.distances(at.points)) / self.length_std
+        distance = (self.length - self.distances(at)) / self.length_std
         return np.concatenate([angle.ravel(), distance])
 
     def jacobian(self, at: Configuration) -> Array:
@@ -153,11 +159,14 @@ class Sightings:
         for k in range(3):
             of_angles[rows, :, 6 * views + 3 * self.point + k] = by_point[..., k]
         of_distances = np.zeros((len(self.pairs), of_angles.shape[-1]))
-        apart = at.points[self.pairs[:, 0]] - at.points[self.pairs[:, 1]]
-        along = apart / (self.distances(at.points) * self.length_std)[:, None]
+        along = self.apart(at) / (self.distances(at) * self.length_std)[:, None]
+        # Unknowns of a view are its turn, then its origin.
+        first = np.concatenate(
+            [6 * views + 3 * np.arange(len(at.points)), 6 * np.arange(views) + 3]
+        )
         for k in range(3):
             for end, sign in ((0, 1.0), (1, -1.0)):
-                place = 6 * views + 3 * self.pairs[:, end] + k
+                place = first[self.pairs[:, end]] + k
                 of_distances[np.arange(len(self.pairs)), place] = sign * along[:, k]
         return np.concatenate([of_angles.reshape(-1, of_angles.shape[-1]), of_distances])
 

@@ -27,6 +27,8 @@ from sldvexp.report.terminal import COLOURS
 #: Finding of a run that ended before all of its steps were done.
 STOPPED = "stopped"
 MICRO = 1e6
+#: Values of an image that a root mean square is taken of at most: some of its pixels do.
+MOST_VALUES = 2**22
 
 
 def print_closing(source: Source | RunData, files: Sequence[Path]) -> None:
@@ -84,16 +86,35 @@ def _found(run: RunData, findings: Sequence[Finding]) -> str:
     told = [modes_told(run), model_told(run)]
     key = key_numbers(run)
     if not any(told) and set(run.groups).isdisjoint(("field", "point")):
-        told.append(_poses(run))
+        told += [_images(run), _poses(run)]
     if key is not None and not any(told):
         values = ", ".join(f"{row[0]} {row[1]}" for row in key.rows)
         title = f"{key.title[:1].lower()}{key.title[1:]}"
         told.append(f"{title}: {values} {key.columns[1].rpartition(', ')[2]}")
     told.append(_strain(run))
-    if not any(told):
-        images = len(run.below("image"))
-        told.append(f"images of {images} view{'s' * (images != 1)}" if images else "")
     return "; ".join(filter(None, told)) or f"{', '.join(run.groups) or 'nothing'}"
+
+
+def _images(run: RunData) -> str:
+    """Say of how many views there are images, and of several frequencies where most moves."""
+    images = list(run.below("image").values())
+    if not images:
+        return ""
+    told = f"images of {len(images)} view{'s' * (len(images) != 1)}"
+    first = images[0]
+    if "velocity" not in first or first["velocity"].sizes.get("frequency", 1) < 2:
+        return told
+    some = first.isel(pixel=slice(None, None, -(-first["velocity"].size // MOST_VALUES)))
+    good = some["flags"].values == 0 if "flags" in some else slice(None)
+    hertz = first["frequency"].values
+    rms = np.sqrt(np.nanmean(np.abs(some["velocity"].values[good]) ** 2, axis=0))
+    at = int(np.nanargmax(rms))
+    velocity = VARIABLES["image"]["velocity"]
+    return (
+        f"{told} at {len(hertz)} frequencies from {hertz[0]:g} to {hertz[-1]:g} {FREQUENCY.units}, "
+        f"most motion at {hertz[at]:g} {FREQUENCY.units}: r.m.s. "
+        f"{number(velocity.factor * float(rms[at]), 3)} {velocity.shown_unit}"
+    )
 
 
 def _poses(run: RunData) -> str:

@@ -55,6 +55,21 @@ def on_surface(run: RunData, field: xr.Dataset) -> xr.Dataset:
     return field.isel(node=slice(layer * each, (layer + 1) * each))
 
 
+def surface_name(field: xr.Dataset) -> str:
+    """Name the surface that a field's volume is given by, where the field tells which it is.
+
+    Along itself the middle surface of a bent plate rests where its face does not.
+
+    Examples
+    --------
+    >>> from sldvexp.dataset import group
+    >>> surface_name(group("field", {}, velocity=[0]).assign_attrs(given_surface="middle"))
+    'middle surface'
+    """
+    given = str(field.attrs.get("given_surface", ""))
+    return {"middle": "middle surface", "face": "measured face"}.get(given, "surface")
+
+
 def key_numbers(run: RunData) -> KeyNumbers | None:
     """Find what a person looks for first; None if the run has nothing of the kind.
 
@@ -68,7 +83,8 @@ def key_numbers(run: RunData) -> KeyNumbers | None:
     if run.has("modes", "natural_frequency", "damping_ratio"):
         return _of_modes(run.groups["modes"])
     for field in run.fields().values():
-        return _of_places(on_surface(run, field), "node", "Velocity on the surface")
+        title = f"Velocity on the {surface_name(field)}"
+        return _of_places(on_surface(run, field), "node", title)
     point = run.groups.get("point")
     if point is not None and "confidence" in point:
         many = point.sizes.get("point", 1) > 1

@@ -8,7 +8,7 @@ shapes never know what the frequencies do, and the other way round.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from rich.markup import escape
@@ -18,6 +18,7 @@ from sldvexp.dataset import VARIABLES, RunData, findings_of
 from sldvexp.lazy import xarray as xr
 from sldvexp.report.numbers import number, with_bound
 from sldvexp.statistics import student_factor
+from sldvexp.typing import Array
 
 NATURAL = VARIABLES["modes"]["natural_frequency"].shown_unit
 PERCENT, PER_MILLE = 100.0, 1000.0
@@ -29,6 +30,12 @@ MOST_MODES = 5
 SURE = 4.0
 #: Verdicts on the two parts of a model as the line that closes a run says them.
 JUDGED = {"accepted": "accepted", "rejected": "rejected", "undecided": "undecidable"}
+#: Criteria that nothing is judged by, what each is over, and the group that has it.
+CRITERIA = (
+    ("comac", "CoMAC", "the modes of a pixel", "model/image"),
+    ("frac", "FRAC", "the lines of a pixel", "model/image"),
+    ("csac", "CSAC", "the pixels of a line", "model"),
+)
 
 
 def level_of(modes: xr.Dataset) -> float:
@@ -119,6 +126,9 @@ def modal_tables(run: RunData) -> Iterator[Table]:
         yield mode_table(run.groups["modes"])
     if run.has("model", "pair"):
         yield model_table(run.groups["model"])
+        criteria = criteria_table(run)
+        if criteria is not None:
+            yield criteria
 
 
 def mode_table(modes: xr.Dataset) -> Table:
@@ -186,10 +196,16 @@ def model_table(model: xr.Dataset) -> Table:
     table = Table(title=title, title_justify="left")
     for name in (*names, *tests):
         table.add_column(name, no_wrap=True)
+    weighed = "modal_mass" in model
+    if weighed:
+        table.add_column(VARIABLES["model"]["modal_mass"].titled("modal mass"), no_wrap=True)
     table.add_column("mixed with")
     for mode in model["mode"].values:
         one = model.sel(mode=mode)
         cells = [str(mode), *_frequency_cells(model, one), *_shape_cells(one)]
+        if weighed:
+            mass, std = (float(one[f"modal_mass{end}"]) for end in ("", "_std"))
+            cells.append(with_bound(mass, float(student_factor(0.95, np.inf)) * std))
         table.add_row(*map(escape, cells), escape(mixed_modes(model, one)))
     return table
 
@@ -216,6 +232,63 @@ def _shape_cells(one: xr.Dataset) -> list[str]:
         _probability(one["p_value"]),
         _probability(one["directed_p_value"]),
     ]
+
+
+def criteria_table(run: RunData) -> Table | None:
+    """Show CoMAC, FRAC and CSAC beside what noise alone leaves of them; None without any.
+
+    The median of all pixels or lines, and the one farthest below its expected value.
+
+    Examples
+    --------
+    >>> from sldvexp.dataset import group
+    >>> lines = group("model", {"line": [0, 1]}, csac=[0.9, 0.98], csac_expected=[0.99, 0.99],
+    ...               csac_std=[0.01, 0.01], line_frequency=[100.0, 105.0])
+    >>> table = criteria_table(RunData({"model": lines}))
+    >>> [list(column.cells)[0] for column in table.columns]
+    ['CSAC', 'the pixels of a line', '0.9400', '0.9900', '0.9000', '0.9900', '100 Hz']
+    """
+    rows = []
+    for name, title, over, place in CRITERIA:
+        known = _criterion(run, name, place)
+        if known is None:
+            continue
+        value, expected, std, where = known
+        below = (expected - value) / std
+        worst = int(np.nanargmax(below))
+        shown = (np.nanmedian(value), np.nanmedian(expected), value[worst], expected[worst])
+        rows.append([title, over, *_as_many_places(shown), where[worst]])
+    if not rows:
+        return None
+    table = Table(title="Model by pixel and by line, not judged", title_justify="left")
+    names = ("criterion", "over", "median", "noise alone", "worst", "noise alone there", "at")
+    for name in names:
+        table.add_column(name, no_wrap=True)
+    for row in rows:
+        table.add_row(*map(escape, row))
+    return table
+
+
+def _criterion(run: RunData, name: str, place: str) -> tuple[Array, Array, Array, list[str]] | None:
+    """Collect a criterion, its expected value and standard deviation, and where each is of."""
+    wanted = (name, f"{name}_expected", f"{name}_std")
+    groups = run.below(place, *wanted) if place != "model" else {}
+    where = [f"view {view}, pixel {p}" for view, g in groups.items() for p in g["pixel"].values]
+    if place == "model" and run.has("model", *wanted, "line_frequency"):
+        groups = {"": run.groups["model"]}
+        where = [f"{number(f, 5)} {NATURAL}" for f in groups[""]["line_frequency"].values]
+    if not where:
+        return None
+    values = (np.concatenate([g[key].values for g in groups.values()]) for key in wanted)
+    value, expected, std = values
+    return value, expected, np.where(std > 0, std, np.nan), where
+
+
+def _as_many_places(values: Sequence[float]) -> list[str]:
+    """Write values near one with as many places as the nearest to it needs."""
+    nearest = min((abs(1 - v) for v in values if v != 1), default=0.1)
+    places = int(np.clip(2 - np.floor(np.log10(nearest)), 2, 9))
+    return [f"{v:.{places}f}" for v in values]
 
 
 def _p(value: xr.DataArray) -> str:

@@ -12,11 +12,11 @@ import numpy as np
 from rich.markup import escape
 from rich.table import Table
 
+from sldvexp import plot
 from sldvexp.dataset import FREQUENCY, VARIABLES, RunData, is_void
 from sldvexp.field.bounds.budget import SOURCES
 from sldvexp.lazy import xarray as xr
-from sldvexp.plot import hottest_places, strains_of
-from sldvexp.report.key_numbers import on_surface
+from sldvexp.report.key_numbers import on_surface, surface_name
 from sldvexp.report.numbers import number, with_bound
 
 POSE = VARIABLES["pose"]
@@ -177,14 +177,18 @@ def _components(fields: Mapping[str, xr.Dataset], void: bool) -> Table:
         "elements",
         *["verdict"] * void,
     )
-    title = f"{VELOCITY.titled('Velocity on the surface')}{_some(fields.values())}"
+    surfaces = {surface_name(field) for field in fields.values()}
+    several = len(surfaces) > 1
+    where = "given surface" if several else surfaces.pop()
+    title = f"{VELOCITY.titled(f'Velocity on the {where}')}{_some(fields.values())}"
     table = Table("field", *columns, title=title, title_justify="left")
     for name, field in fields.items():
+        told = f"{name}, {surface_name(field).removesuffix(' surface')}" if several else name
         for component in field["component"].values:
             for hertz in strongest(field):
                 one = _at(field.sel(component=component), hertz)
                 size = np.abs(one["velocity"].values)
-                cells = [name, str(component), "" if np.isnan(hertz) else f"{hertz:g}"]
+                cells = [told, str(component), "" if np.isnan(hertz) else f"{hertz:g}"]
                 cells += [*_above(size, one.get("confidence")), _mm(_rms(size))]
                 bounds = ("velocity_std_noise", "velocity_std_pose", "confidence")
                 cells += [_two(_rms(one[b].values)) if b in one else "" for b in bounds]
@@ -246,7 +250,7 @@ def _share(variance: float, total: float) -> str:
 
 def strain_tables(run: RunData) -> Iterator[Table]:
     """Make tables of the strain's components and of the hot spots, of every strain there is."""
-    for name, strain in strains_of(run).items():
+    for name, strain in plot.strains_of(run).items():
         of = "" if name == "field" else f" by {escape(name)}"
         yield strain_table(strain, strongest(strain, "strain"), of)
         yield hot_spot_table(strain, strongest(strain, "strain"), of)
@@ -306,7 +310,7 @@ def hot_spot_table(strain: xr.Dataset, frequencies: Sequence[float], of: str = "
     table = Table(*columns, title=title, title_justify="left")
     for hertz in frequencies:
         one = _at(strain, hertz)
-        for spot, place in enumerate(hottest_places(one), start=1):
+        for spot, place in enumerate(plot.hottest_places(one), start=1):
             here = one.isel(place=place)
             cells = [str(spot), "" if np.isnan(hertz) else f"{hertz:g}"]
             places = (here[name].values + 0.0 for name in ("position", "coordinate"))

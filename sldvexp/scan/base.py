@@ -218,7 +218,7 @@ class Scan(ABC):
     def inputs(self) -> list[str]:
         """List files that are read besides the configuration."""
 
-    def aimed(
+    def in_steps(
         self,
         laser: TwoMirror,
         target: Target | None,

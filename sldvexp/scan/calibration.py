@@ -165,7 +165,7 @@ class CalibrationScan(ScanPart):
         checks.require(not self.sampling.broadband, "sampling.excitation", told)
         checks.done()
 
-    def aimed(
+    def in_steps(
         self,
         laser: TwoMirror,
         target: Target | None,

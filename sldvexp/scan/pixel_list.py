@@ -88,7 +88,7 @@ class PixelList(ImageScan):
         self.sampling.check(checks, "sampling")
         checks.done()
 
-    def aimed(
+    def in_steps(
         self,
         laser: TwoMirror,
         target: Target | None,

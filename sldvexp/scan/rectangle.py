@@ -72,7 +72,8 @@ class Rectangle(ImageScan):
     sampling : Sampling
     corners_at : list of list of 3 float
         Corners of the region in the world, three or more in order around it, for all views that
-        have a rough pose. The box that holds the region as seen is scanned.
+        have a rough pose; of a body those around its front, then those around its back. The box
+        that holds the region as seen is scanned.
     margin : float
         How far the box goes beyond it, as a rough pose predicts it a little beside its place. In a
         session whose circles the pose predicts too they correct it before, so that none is needed.
@@ -123,7 +124,7 @@ class Rectangle(ImageScan):
     def _corners_at(self, region: ScanRegion) -> list[Any]:
         return region.corners_at or self.corners_at
 
-    def aimed(
+    def in_steps(
         self,
         laser: TwoMirror,
         target: Target | None,

@@ -74,14 +74,14 @@ class Session(Scan):
             checks.require(not missing, f"{names[0]}.views", told)
         checks.done()
 
-    def aimed(
+    def in_steps(
         self,
         laser: TwoMirror,
         target: Target | None,
         poses: Mapping[str, KnownPose] = MappingProxyType({}),
     ) -> Self:
         """See `Scan`; all parts."""
-        parts: Any = {n: part.aimed(laser, target, poses) for n, part in self._parts().items()}
+        parts: Any = {n: part.in_steps(laser, target, poses) for n, part in self._parts().items()}
         return replace(self, poses={}, **parts)
 
     def view_names(self) -> list[str]:

@@ -1,7 +1,8 @@
 from . import session as session
 from .camera import Camera as Camera
-from .camera import Operator as Operator
 from .journal import Journal as Journal
+from .operator import NobodyThereError as NobodyThereError
+from .operator import Operator as Operator
 from .watching import LineDone as LineDone
 from .watching import PartAhead as PartAhead
 from .watching import ViewAhead as ViewAhead

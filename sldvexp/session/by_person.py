@@ -33,7 +33,8 @@ from sldvexp.lazy import xarray as xr
 from sldvexp.scan.by_digitizer import ByDigitizer
 from sldvexp.scan.by_hand import ByHand
 from sldvexp.session.by_keys import AtKeyboard, beyond_board, in_mm, moved
-from sldvexp.session.camera import Operator, ViewContext
+from sldvexp.session.camera import ViewContext
+from sldvexp.session.operator import Operator
 from sldvexp.targets import Circles, Target
 from sldvexp.typing import Array, IntArray
 from sldvexp.units import LengthUnit

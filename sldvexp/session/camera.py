@@ -7,20 +7,19 @@ at the terminal, who is asked when something must be done by hand.
 from __future__ import annotations
 
 import signal as signals
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import AbstractContextManager, ExitStack, contextmanager
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, ExitStack
 from dataclasses import dataclass, field
 
 from sldvexp.dataset import Finding
-from sldvexp.errors import UserError
 from sldvexp.geometry import KnownPose
 from sldvexp.instrument import Acquisition, Instrument, RawSamples
 from sldvexp.instrument.bench import make_safe
-from sldvexp.instrument.person import GuideMaker, Person
+from sldvexp.instrument.person import GuideMaker
 from sldvexp.laser import TwoMirror
 from sldvexp.scan import Sampling
 from sldvexp.session.journal import Journal, Measured
-from sldvexp.session.keyboard import Keyboard, TerminalLostError
+from sldvexp.session.operator import Operator
 from sldvexp.session.records import Averaging, acquisition_of, require_records
 from sldvexp.session.watching import LineDone, Watcher, complex_pixels
 from sldvexp.signal import ComplexImage, Response, SignalEstimator
@@ -34,62 +33,8 @@ ONCE_MORE_FROM = 2**24
 LOOK = Acquisition(rate=25600.0, samples=64, excitation=())
 
 
-class NobodyThereError(UserError):
-    """Something must be done by hand, but there is nobody to ask."""
-
-
 class ViewSkipped(Exception):  # noqa: N818, for it is no error
     """The rest of a view is left out, as a watcher wished."""
-
-
-class Operator:
-    """Asks at the terminal.
-
-    Parameters
-    ----------
-    watcher : Watcher, optional
-        Told of it, so that nothing else is drawn there.
-    """
-
-    def __init__(self, watcher: Watcher | None = None) -> None:
-        self._watcher = watcher or Watcher()
-
-    def ask(self, request: str) -> str:
-        """Show a request and wait for a line, which is returned without spaces around it.
-
-        Raises
-        ------
-        NobodyThereError
-            If the input has ended.
-        """
-        with self._watcher.asking(request):
-            try:
-                return input(request).strip()
-            except EOFError:
-                what = request.strip().splitlines()[-1].rstrip(":")
-                raise NobodyThereError(f"nobody is at the terminal to answer {what!r}") from None
-
-    def person(self, view: str) -> Person | None:
-        """Give who has aimed in a view already, in the place of all others; None if nobody has."""
-        return None
-
-    @contextmanager
-    def keyboard(self) -> Iterator[Keyboard | None]:
-        """Give the keys of the terminal one by one; None if there is none to sit at.
-
-        Raises
-        ------
-        NobodyThereError
-            If the terminal is lost.
-        """
-        if not Keyboard.is_there():
-            yield None
-            return
-        try:
-            with self._watcher.asking(""), Keyboard() as keyboard:
-                yield keyboard
-        except TerminalLostError:
-            raise NobodyThereError("nobody is at the terminal any more") from None
 
 
 class Camera:

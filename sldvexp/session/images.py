@@ -50,7 +50,7 @@ def scan_image(scan: ImageScan, at: ViewContext) -> dict[str, xr.Dataset]:
         If no pixel of it is good; it says what to look at.
     """
     at.camera.sample(scan.sampling)
-    scan = scan.aimed(at.laser, at.target, at.poses)
+    scan = scan.in_steps(at.laser, at.target, at.poses)
     lines = scan.lines(at.view)
     every = np.concatenate(lines)
     image: ComplexImage | ResponseImage

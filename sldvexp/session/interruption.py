@@ -7,9 +7,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from sldvexp.config.paths import JOURNAL
+from sldvexp.config.paths import CONFIGURATION, JOURNAL
 from sldvexp.errors import ConfigError, UserError
-from sldvexp.session.journal import CONFIGURATION
 
 #: What says before a command that it goes on.
 GO_ON = "go on with: "

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from sldvexp.config.paths import CONFIGURATION
 from sldvexp.errors import UserError
 from sldvexp.files import read_bytes
 from sldvexp.instrument import Acquisition, RawSamples
@@ -24,9 +25,6 @@ log = logging.getLogger(__name__)
 
 #: What is kept of a scan line: its samples, or the sums of its records.
 Measured = RawSamples | ResponseSums
-
-#: Digest of all that decides what is measured, in the folder of the lines.
-CONFIGURATION = "configuration.sha256"
 
 
 class Journal:

@@ -20,10 +20,11 @@ from sldvexp.scan import Scan, ScanPart
 from sldvexp.scan.base import PersonPart
 from sldvexp.scan.calibration import CalibrationScan
 from sldvexp.session.by_person import joined, record_marks, record_spots
-from sldvexp.session.camera import Camera, Operator, ViewContext, ViewSkipped
+from sldvexp.session.camera import Camera, ViewContext, ViewSkipped
 from sldvexp.session.circles import circle_lines, scan_calibration
 from sldvexp.session.images import image_lines, scan_image
 from sldvexp.session.journal import Journal, require_same
+from sldvexp.session.operator import Operator
 from sldvexp.session.outline import outline_lines, scan_outline
 from sldvexp.session.watching import PartAhead, ViewAhead, Watcher
 
@@ -81,10 +82,10 @@ def scan_views(
     require_same(journal, (e.seed, e.target, e.laser, e.scene, e.scan, type(e.instrument).__name__))
     if not e.scan.view_names():
         raise ConfigError([Problem("scan.views", "needs at least one view")])
-    aimed = e.scan.aimed(e.laser, e.target)
-    print(estimate(aimed, bool(e.scan.rough_poses())))
-    _require_on_board(aimed, e.laser)
-    views = _ahead(e.scan, aimed, journal)
+    in_steps = e.scan.in_steps(e.laser, e.target)
+    print(estimate(in_steps, bool(e.scan.rough_poses())))
+    _require_on_board(in_steps, e.laser)
+    views = _ahead(e.scan, in_steps, journal)
     watcher.session_begun(views)
     found: dict[str, xr.Dataset] = {}
     told: list[Finding] = []
@@ -130,7 +131,7 @@ def _scan_parts(parts: list[ScanPart], at: ViewContext) -> dict[str, xr.Dataset]
     return found
 
 
-def _ahead(scan: Scan, aimed: Scan, journal: Path) -> tuple[ViewAhead, ...]:
+def _ahead(scan: Scan, in_steps: Scan, journal: Path) -> tuple[ViewAhead, ...]:
     """Say what every view takes, and how much of it the journal has."""
 
     def part_ahead(given: ScanPart, part: ScanPart, view: str) -> PartAhead:
@@ -142,7 +143,7 @@ def _ahead(scan: Scan, aimed: Scan, journal: Path) -> tuple[ViewAhead, ...]:
         return PartAhead(part.kind, len(lines), total, there, seconds, searches)
 
     def parts_ahead(view: str) -> tuple[PartAhead, ...]:
-        pairs = zip(scan.parts(view), aimed.parts(view), strict=True)
+        pairs = zip(scan.parts(view), in_steps.parts(view), strict=True)
         return tuple(part_ahead(given, part, view) for given, part in pairs)
 
     names = scan.view_names()

@@ -15,16 +15,9 @@ from functools import cached_property
 
 import numpy as np
 
-from sldvexp.instrument import Acquisition, RawSamples, Status
+from sldvexp import instrument
+from sldvexp import signal as signals
 from sldvexp.lazy import xarray as xr
-from sldvexp.signal import (
-    ComplexImage,
-    Flag,
-    Response,
-    ResponseImage,
-    ResponseSums,
-    SignalEstimator,
-)
 from sldvexp.typing import IntArray
 
 #: Beginning of the names of lines that search a circle around where a rough pose predicts it.
@@ -121,14 +114,14 @@ class LineDone:
     number: int
     count: int
     dac: IntArray
-    samples: RawSamples | ResponseSums
+    samples: instrument.RawSamples | signals.ResponseSums
     kept: bool
     again: bool
-    acquisition: Acquisition
-    signal: SignalEstimator
+    acquisition: instrument.Acquisition
+    signal: signals.SignalEstimator
 
     @cached_property
-    def image(self) -> ComplexImage | ResponseImage:
+    def image(self) -> signals.ComplexImage | signals.ResponseImage:
         """Complex pixels of this line alone, with their flags.
 
         The session makes them of all lines together, which with `refine` gives other frequencies.
@@ -143,8 +136,8 @@ class LineDone:
     @property
     def level(self) -> tuple[float, float]:
         """Largest sample of velocity and of reference, V; of sums their r.m.s. at all lines."""
-        if isinstance(self.samples, ResponseSums):
-            assert isinstance(self.signal, Response)
+        if isinstance(self.samples, signals.ResponseSums):
+            assert isinstance(self.signal, signals.Response)
             sums, records = self.samples, max(self.samples.count.sum(), 1)
             volts = np.sqrt([sums.syy.sum() / 2 / records, sums.sxx.sum() / 2 / records])
             return float(volts[0] / abs(self.signal.velocity_per_volt)), float(volts[1])
@@ -254,20 +247,24 @@ def in_words(lines: str, number: int, count: int) -> str:
 
 
 def pixels_of(
-    signal: SignalEstimator, acquisition: Acquisition, lines: Sequence[RawSamples | ResponseSums]
-) -> ComplexImage | ResponseImage:
+    signal: signals.SignalEstimator,
+    acquisition: instrument.Acquisition,
+    lines: Sequence[instrument.RawSamples | signals.ResponseSums],
+) -> signals.ComplexImage | signals.ResponseImage:
     """Turn samples of some lines, or sums of their records, into complex pixels."""
     if acquisition.drive is None:
-        samples = [line for line in lines if isinstance(line, RawSamples)]
+        samples = [line for line in lines if isinstance(line, instrument.RawSamples)]
         return complex_pixels(signal, acquisition, samples)
-    assert isinstance(signal, Response)
-    sums = [line for line in lines if isinstance(line, ResponseSums)]
-    return signal.image(ResponseSums.concatenated(sums), acquisition.drive)
+    assert isinstance(signal, signals.Response)
+    sums = [line for line in lines if isinstance(line, signals.ResponseSums)]
+    return signal.image(signals.ResponseSums.concatenated(sums), acquisition.drive)
 
 
 def complex_pixels(
-    signal: SignalEstimator, acquisition: Acquisition, lines: Sequence[RawSamples]
-) -> ComplexImage:
+    signal: signals.SignalEstimator,
+    acquisition: instrument.Acquisition,
+    lines: Sequence[instrument.RawSamples],
+) -> signals.ComplexImage:
     """Turn the samples of some lines into complex pixels, with the instrument's own flags."""
     times = np.arange(acquisition.samples) / lines[0].rate
     status = np.concatenate([line.status for line in lines])
@@ -276,7 +273,8 @@ def complex_pixels(
         times,
         acquisition.excitation,
         volts_per_count=lines[0].volts_per_count,
-        quality=status & Status.dropped_out == 0,
+        quality=status & instrument.Status.dropped_out == 0,
     )
-    over = np.where(status & Status.over_range, Flag.saturated, 0).astype(np.uint8)
-    return replace(image, flags=image.flags | over)
+    over = status & instrument.Status.over_range
+    saturated = np.where(over, signals.Flag.saturated, 0).astype(np.uint8)
+    return replace(image, flags=image.flags | saturated)

@@ -155,6 +155,7 @@ class SurfaceField:
             "residual_std": float(np.sqrt(sse.mean() / count)),
             "cond": self.fit.posterior.condition,
             "coordinate_system": "local" if local else "world",
+            "given_surface": self.method.given.value,
             "confidence_level": self.method.confidence,
             "not_included": "; ".join([*untold, *self._thickness_taken]),
             "notes": "\n".join(self.notes),

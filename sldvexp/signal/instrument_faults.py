@@ -15,6 +15,8 @@ MOST = 0.5
 CLEAR = 6.0
 #: Ratio of large to small amplitudes in a channel that is the same everywhere, or is not.
 ALIKE, UNLIKE = 1.2, 2.0
+#: Lines that a sentence names at most.
+NAMED = 3
 
 
 def instrument_fault(image: ComplexImage, share: float = MOST) -> str:
@@ -42,11 +44,11 @@ def instrument_fault(image: ComplexImage, share: float = MOST) -> str:
     def many(flag: Flag) -> bool:
         return bool(np.mean(flags & flag != 0) > share)
 
-    tones = " and ".join(f"{f:g}" for f in image.frequencies)
+    tones = _named(image.frequencies)
     if _exchanged(image):
         return (
             f"the channels look exchanged, and so every phase conjugated: {_volts(image)} of "
-            f"{tones} Hz, the same everywhere, come on the velocity channel, and what differs "
+            f"{tones}, the same everywhere, come on the velocity channel, and what differs "
             "from pixel to pixel on the reference channel; exchange their cables, or the "
             "profile's data.channels"
         )
@@ -59,7 +61,7 @@ def instrument_fault(image: ComplexImage, share: float = MOST) -> str:
         )
     if many(Flag.poor_fit):
         return (
-            f"the reference channel carries something else than {tones} Hz: "
+            f"the reference channel carries something else than {tones}: "
             f"{float(np.median(image.reference_fit.noise)):.3g} V rms of it are left; the "
             "generator plays other frequencies than the scan's sampling says, or no sine"
         )
@@ -96,7 +98,7 @@ def moving(image: ComplexImage) -> BoolArray:
 def _no_reference(image: ComplexImage, tones: str) -> str:
     """Say whether the generator or only its way to the reference channel is at fault."""
     volts = float(np.median(np.abs(image.reference_fit.phasor)))
-    what = f"the reference channel has no signal of {tones} Hz ({volts:.2g} V)"
+    what = f"the reference channel has no signal of {tones} ({volts:.2g} V)"
     fit = image.velocity_fit
     if (np.abs(fit.phasor) > CLEAR * np.sqrt(fit.variance)).any():
         return f"{what}, though something moves; its cable from the generator is not plugged in"
@@ -111,6 +113,14 @@ def _exchanged(image: ComplexImage) -> bool:
     noise = np.sqrt(image.velocity_fit.variance[:, 0])
     there = float(np.percentile(velocity, 10)) > CLEAR * float(np.median(noise))
     return there and _ratio(velocity) < ALIKE and _ratio(reference) > UNLIKE
+
+
+def _named(frequencies: Array) -> str:
+    """Name lines, the first of many."""
+    named = [f"{f:g}" for f in frequencies]
+    if len(named) <= NAMED:
+        return f"{' and '.join(named)} Hz"
+    return f"{', '.join(named[:NAMED])} Hz and {len(named) - NAMED} others"
 
 
 def _ratio(amplitude: Array) -> float:

@@ -20,17 +20,14 @@ from sldvexp.lazy import scipy
 from sldvexp.lazy import xarray as xr
 from sldvexp.typing import Array
 from sldvexp.verdict.beams import MeasuredSurface, PixelBeams
+from sldvexp.verdict.explanation import LEAST_PIXELS, POSE, ViewTests
 from sldvexp.verdict.field_around import FieldAround
-from sldvexp.verdict.joint_fit import POSE, JointFit, PixelDesign
+from sldvexp.verdict.joint_fit import JointFit, PixelDesign
 from sldvexp.verdict.pixel_data import PixelData, pixel_data
 from sldvexp.verdict.smooth_field import SmoothField
 
 #: Tests of every view.
 TESTS = ("factor", "pose", "origin", "whole")
-#: Probability of rejecting any view of a clean session.
-FAMILY = 0.01
-#: Views below which nothing can be tested between them: three components take three views.
-LEAST_VIEWS = 4
 #: Intervals of the smooth field along the longest side; more are tried while the misfit falls.
 INTERVALS = (3, 5, 7, 10)
 #: Relative fall of the misfit that a finer field must bring.
@@ -39,8 +36,6 @@ FALL = 0.02
 SURELY = 1e9
 #: Standard deviations of its prior that a pose is followed to at most.
 FARTHEST = 8.0
-#: Least number of pixels that a view is compared by.
-LEAST_PIXELS = 30
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,43 +145,6 @@ def prior_factor(covariance: Array | None, views: int, thickness: float) -> Arra
     values, vectors = np.linalg.eigh(whole / np.outer(size, size))
     kept = values > 1e-12 * values.max()
     return size[:, None] * vectors[:, kept] * np.sqrt(values[kept])
-
-
-@dataclass(frozen=True, eq=False)
-class ViewTests:
-    """Tests of every view.
-
-    Attributes
-    ----------
-    statistic, p_value : dict of str to ndarray, shape (view,)
-        ``factor``, ``pose``, ``origin`` and ``whole``: F statistics.
-    misfit : float
-        Squares over their expectation from the stated noise.
-    misfit_p_value : float
-        Two-sided, of the stated noise.
-    """
-
-    statistic: dict[str, Array]
-    p_value: dict[str, Array]
-    misfit: float
-    misfit_p_value: float
-
-    @property
-    def least(self) -> float:
-        """Smallest p-value of the family, times its number."""
-        all_of = np.concatenate(list(self.p_value.values()))
-        return float(min(1.0, all_of.min() * len(all_of)))
-
-    @property
-    def strongest(self) -> tuple[str, int]:
-        """Name of the test with the smallest p-value, and the view that it is of."""
-        test = min(self.p_value, key=lambda name: float(self.p_value[name].min()))
-        return test, int(self.p_value[test].argmin())
-
-    @property
-    def rejects(self) -> bool:
-        """True if a view is wrong."""
-        return self.least < FAMILY
 
 
 def compare_views(bench: Bench, fit: JointFit) -> ViewTests:

@@ -11,8 +11,8 @@ field, or another frequency, is a view that is left out for a smooth scalar of i
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -21,70 +21,18 @@ from sldvexp.field import View
 from sldvexp.lazy import scipy
 from sldvexp.typing import Array, ComplexArray, IndexArray
 from sldvexp.verdict.comparison import Bench
-from sldvexp.verdict.joint_fit import POSE, JointFit
+from sldvexp.verdict.explanation import CONJUGATES, NAMED, POSE, SMALLEST, UNEXPLAINED, Explanation
+from sldvexp.verdict.joint_fit import JointFit
 from sldvexp.verdict.pixel_data import pixel_data
 
-#: Named factors that a view may be wrong by.
-NAMED = {"sign": -1.0, "rms": 0.5**0.5, "inverse_rms": 2.0**0.5}
-#: The same of a view that is conjugated.
-CONJUGATES = {"conjugate": 1.0, "conjugate_sign": -1.0}
-#: Gap of the criterion between two views below which it cannot be told which is wrong.
-CLEAR = 6.0
 #: Standard deviations of a freed pose, rotation (rad) and origin (m): of small and of large moves
 #: that explain as much the small one is taken.
 FREE = np.repeat([0.02, 0.02], 3)
 #: Numbers of a pose that are freed when its origin is believed.
 ROTATION = np.arange(3)
-#: Smallest modulus of a factor that a fit is started from.
-SMALLEST = 0.05
 STEPS = 3
-#: Misfit that no mistake of one view leaves; more, and views may be exchanged.
-UNEXPLAINED = 1.3
 #: Misfit after an exchange, over that of the other views, above which it explains nothing.
 EXCHANGED = 4.0
-
-
-@dataclass(frozen=True)
-class Explanation:
-    """One way to explain the data.
-
-    Attributes
-    ----------
-    view : tuple of int
-        That are wrong; none for a clean session.
-    kind : str
-        ``clean``, ``sign``, ``conjugate``, ``rms``, ``inverse_rms``, ``gain``, ``phase``,
-        ``factor``, ``pose``, ``other_field`` or ``exchanged``.
-    criterion : float
-        The smaller, the better.
-    factor : complex
-        That the view's velocities stand to those that the others predict.
-    factor_std : tuple of float
-        Standard errors of its modulus, relative, and of its argument, rad.
-    pose : tuple of float
-        Rotation vector (rad) and displacement (m) by which a pose is off.
-    free : tuple of int
-        Numbers of that pose whose prior was taken away.
-    covariance : ndarray, shape (6, 6), optional
-        Of that pose.
-    misfit : float
-        Squares that it leaves over those of the noise.
-    """
-
-    view: tuple[int, ...]
-    kind: str
-    criterion: float
-    factor: complex = 1.0
-    factor_std: tuple[float, float] = (np.nan, np.nan)
-    pose: tuple[float, ...] = ()
-    free: tuple[int, ...] = ()
-    covariance: Array | None = None
-    misfit: float = np.nan
-
-    @property
-    def explains(self) -> bool:
-        """False if more is left than noise: more than this mistake was made."""
-        return not self.misfit > UNEXPLAINED
 
 
 def diagnose(bench: Bench, fit: JointFit) -> list[Explanation]:
@@ -297,19 +245,3 @@ def _image_of(place: View, other: View) -> View:
     """Give a place the image that another view took."""
     image = {n: getattr(other, n) for n in ("dac", "velocity", "std", "flags", "shape")}
     return replace(place, **image)
-
-
-def tells_views_apart(ranked: Sequence[Explanation]) -> tuple[Explanation, Explanation | None]:
-    """Take the best explanation and, if it is not clear which view is wrong, that of another.
-
-    Returns
-    -------
-    Explanation
-    Explanation or None
-        The best about another view, if its criterion is within `CLEAR`.
-    """
-    wrong = [h for h in ranked if h.view]
-    best = wrong[0]
-    other = next((h for h in wrong if set(h.view) != set(best.view)), None)
-    near = other is not None and other.criterion - best.criterion < CLEAR
-    return best, other if near else None

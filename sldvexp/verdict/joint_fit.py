@@ -30,10 +30,10 @@ import numpy as np
 from sldvexp.lazy import scipy
 from sldvexp.typing import Array, BoolArray, IndexArray
 from sldvexp.verdict.beams import PixelBeams
+from sldvexp.verdict.explanation import POSE
 from sldvexp.verdict.pixel_data import PixelData
 from sldvexp.verdict.smooth_field import SmoothField
 
-POSE = 6
 #: Ridge of the normal matrix over its mean diagonal, for functions that no pixel determines.
 RIDGE = 1e-9
 #: Information of a combination of columns, over the largest, below which it is not there.

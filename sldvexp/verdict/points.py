@@ -27,8 +27,15 @@ from sldvexp.dataset import Finding
 from sldvexp.lazy import scipy
 from sldvexp.lazy import xarray as xr
 from sldvexp.typing import Array, ComplexArray, IndexArray
-from sldvexp.verdict.comparison import LEAST_VIEWS, ViewTests
-from sldvexp.verdict.diagnosis import CONJUGATES, NAMED, SMALLEST, Explanation, tells_views_apart
+from sldvexp.verdict.explanation import (
+    CONJUGATES,
+    LEAST_VIEWS,
+    NAMED,
+    SMALLEST,
+    Explanation,
+    ViewTests,
+    tells_views_apart,
+)
 from sldvexp.verdict.repairs import Repair, examined_repairs
 from sldvexp.verdict.wording import disagreement, noise_finding, unexplained, untested
 

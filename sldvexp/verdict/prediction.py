@@ -19,15 +19,9 @@ from sldvexp.laser import TwoMirror
 from sldvexp.lazy import xarray as xr
 from sldvexp.typing import Array, BoolArray
 from sldvexp.verdict.beams import MeasuredSurface, PixelBeams
-from sldvexp.verdict.comparison import (
-    LEAST_PIXELS,
-    LEAST_VIEWS,
-    Bench,
-    bench_of,
-    compare_views,
-    stated_covariance,
-)
-from sldvexp.verdict.diagnosis import diagnose, tells_views_apart
+from sldvexp.verdict.comparison import Bench, bench_of, compare_views, stated_covariance
+from sldvexp.verdict.diagnosis import diagnose
+from sldvexp.verdict.explanation import LEAST_PIXELS, LEAST_VIEWS, tells_views_apart
 from sldvexp.verdict.joint_fit import JointFit
 from sldvexp.verdict.lines import at_few_lines
 from sldvexp.volume import Volume

@@ -26,7 +26,8 @@ from sldvexp.pose.base import JointCovariance, pose_to_dataset
 from sldvexp.typing import Array
 from sldvexp.verdict.comparison import Bench, compare_views, prior_factor
 from sldvexp.verdict.diagnosis import widened
-from sldvexp.verdict.joint_fit import POSE, JointFit
+from sldvexp.verdict.explanation import POSE
+from sldvexp.verdict.joint_fit import JointFit
 from sldvexp.verdict.pixel_data import PixelData
 
 #: Steps of the joint adjustment.

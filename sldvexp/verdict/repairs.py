@@ -11,13 +11,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sldvexp import pose as poses
+from sldvexp import verdict
 from sldvexp.dataset import Finding, Severity
 from sldvexp.errors import UserError, nearest
 from sldvexp.lazy import xarray as xr
-from sldvexp.pose.base import cross_covariance
 from sldvexp.typing import Array
-from sldvexp.verdict.joint_fit import POSE
-from sldvexp.verdict.refinement import moved_poses
+from sldvexp.verdict.explanation import POSE
 
 #: Kinds whose repair multiplies the view's velocities.
 FACTORS = ("sign", "rms", "inverse_rms", "gain", "phase", "factor")
@@ -111,11 +111,11 @@ class Repair:
         """Move one view of a group ``pose``; its error has no longer to do with the others'."""
         names = [str(v) for v in pose["view"].values]
         k, moves = names.index(self.view), np.zeros((len(names), POSE))
-        whole = cross_covariance(pose, names)
+        whole = poses.cross_covariance(pose, names)
         moves[k] = self.pose
         whole[k], whole[:, :, k] = 0.0, 0.0
         whole[k, :, k] = self.covariance
-        return moved_poses(pose, moves, whole.reshape(moves.size, moves.size))
+        return verdict.refinement.moved_poses(pose, moves, whole.reshape(moves.size, moves.size))
 
 
 def examined_repairs(

@@ -25,16 +25,10 @@ from sldvexp.session.images import describe_flagged_pixels
 from sldvexp.signal import Flag
 from sldvexp.typing import BoolArray, IndexArray
 from sldvexp.verdict.beams import MeasuredSurface, PixelBeams
-from sldvexp.verdict.comparison import (
-    LEAST_PIXELS,
-    LEAST_VIEWS,
-    Bench,
-    bench_of,
-    compare_views,
-    stated_covariance,
-)
-from sldvexp.verdict.diagnosis import diagnose, tells_views_apart
+from sldvexp.verdict.comparison import Bench, bench_of, compare_views, stated_covariance
+from sldvexp.verdict.diagnosis import diagnose
 from sldvexp.verdict.drop_outs import disagreeing, drop_outs, outliers, resting, used_pixels
+from sldvexp.verdict.explanation import LEAST_PIXELS, LEAST_VIEWS, tells_views_apart
 from sldvexp.verdict.joint_fit import JointFit
 from sldvexp.verdict.lines import at_few_lines, carried_over
 from sldvexp.verdict.refinement import moved_poses, refine

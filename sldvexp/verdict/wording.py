@@ -7,8 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from sldvexp.dataset import Finding, Severity
-from sldvexp.verdict.comparison import LEAST_PIXELS, LEAST_VIEWS, ViewTests
-from sldvexp.verdict.diagnosis import Explanation
+from sldvexp.verdict.explanation import LEAST_PIXELS, LEAST_VIEWS, Explanation, ViewTests
 from sldvexp.verdict.repairs import Repair
 
 #: Misfit, over that of the stated noise, above which bounds are too small.

@@ -94,7 +94,7 @@ def test_jobs_share_nothing_that_can_change(loaders):
 
 def test_files_are_read_once_for_the_same_choices(loaders, monkeypatch):
     quick = pickle.loads(pickle.dumps(loaders[0]))  # remembers nothing in another process
-    quick._lasting = None
+    quick._lasting.folder = ""
     read = []
     whole = ConfigLoaderImpl._load_configuration_impl
 

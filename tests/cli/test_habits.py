@@ -82,6 +82,20 @@ def test_folder_of_configurations_may_be_named_anywhere(sldvexp, lab, line):
     assert "seed: 4\n" in sldvexp(*line, "--cfg", "job").out
 
 
+def test_a_recording_is_played_in_the_place_of_the_instrument_that_a_file_sets(sldvexp, lab):
+    visa = SCAN.replace("NAME", "1").replace("instrument: simulated", "instrument: visa")
+    lab(x=f"{visa}instrument: {{resource: TCPIP::192.0.2.1::5025::SOCKET, timeout: 5.0}}\n")
+    line = ("--config-dir", "my", "experiment=x", "--cfg", "job", "-p", "instrument")
+    assert "resource: TCPIP::192.0.2.1::5025::SOCKET" in sldvexp(*line).out
+    done = sldvexp(*line, "instrument=replay", "instrument.path=outputs/before")
+    assert (done.status, done.err) == (0, "")
+    assert "path: outputs/before\n" in done.out
+    assert "resource" not in done.out
+    lab(y="# @package _global_\ndefaults: [x, _self_]\ninstrument: {timout: 5.0}\n")
+    wrong = sldvexp("--config-dir", "my", "experiment=y", "--cfg", "job")
+    assert "instrument.timout is not a known setting; did you mean timeout?" in wrong.err
+
+
 @pytest.mark.one_in(3)
 @pytest.mark.parametrize("name", ["1", "'1'", '"1"'])
 def test_view_has_the_same_name_with_quotes_and_without(sldvexp, lab, name):

@@ -10,8 +10,9 @@ from hydra._internal.utils import create_config_search_path
 from hydra.types import RunMode
 from omegaconf import OmegaConf
 
-from sldvexp.config import cached_loader, hydra_plugin, registry
-from sldvexp.config.cached_loader import CACHE, LastingMemory, Memory, RememberingLoader
+from sldvexp.config import cached_loader, hydra_plugin, kept, registry
+from sldvexp.config.cached_loader import LOOKED_UP, LastingMemory, Memory, RememberingLoader
+from sldvexp.config.kept import CACHE, KeptFiles
 from sldvexp.config.paths import conf_dir
 
 CHOICES = ["solver=cholesky", "seed=3"]
@@ -150,12 +151,36 @@ def test_of_a_folder_with_more_than_configurations_nothing_is_kept(tmp_path, cac
     assert not list(cache.iterdir())
 
 
+def test_own_configurations_look_nothing_up():
+    """Their content is not searched for it, since times and sizes tell a change."""
+    assert not [f for f in conf_dir().rglob("*.yaml") if LOOKED_UP.search(f.read_bytes())]
+
+
 def test_the_oldest_go(cache, monkeypatch):
-    monkeypatch.setattr(cached_loader, "MOST_KEPT", 3)
-    memory = LastingMemory.of_user()
+    monkeypatch.setattr(kept, "MOST_KEPT", 3)
+    memory = LastingMemory()
     for k in range(5):
-        memory.write(f"{k}", OmegaConf.create({"k": k}))
+        memory.keep(f"{k}", OmegaConf.create({"k": k}))
         os.utime(cache / f"{k}", (k, k))
     assert sorted(file.name for file in cache.iterdir()) == ["2", "3", "4"]
-    assert memory.read("4")() == {"k": 4}
-    assert memory.read("0") is None
+    assert memory.recall("4")() == {"k": 4}
+    assert memory.recall("0") is None
+
+
+def test_the_name_changes_with_the_program(tmp_path, monkeypatch):
+    package = tmp_path / "lib" / "package"
+    (package / "config").mkdir(parents=True)
+    (package.parent / "conf").mkdir()
+    code, settings = package / "config" / "kept.py", package.parent / "conf" / "config.yaml"
+    for file in (code, settings):
+        file.write_text("one")
+    monkeypatch.setattr(kept, "__file__", str(code))
+    names = [kept.name_of("a"), kept.name_of("b"), kept.name_of("a")]
+    assert names[0] == names[2] != names[1]
+    for file in (code, settings):
+        about = file.stat()
+        file.write_text("two")
+        os.utime(file, ns=(about.st_atime_ns, about.st_mtime_ns))  # no program hides a change
+        names.append(kept.name_of("a"))
+    assert len(set(names)) == 4
+    assert KeptFiles().read(names[0]) is None

@@ -100,9 +100,15 @@ class Page(Browser):
         return left + across * width, top + down * height
 
     def click(self, name: str) -> None:
+        """Click on a part, which must not move away under the mouse."""
         self.until(lambda: self.can(name))
+        self.js(
+            "window.met = ''; addEventListener('click',"
+            "(event) => { window.met = event.target.id; }, {capture: true, once: true})"
+        )
         at = self.place(name)
         self.mouse(at, at)
+        assert self.js("return window.met") == name
 
     @property
     def beam(self) -> tuple[int, int]:

@@ -90,3 +90,19 @@ def test_doubt_is_told_of_its_view_alone(scanned):
     assert second == "Pose doubtful: its circles lie elsewhere"
     assert of_view(replace(doubt, subject="run"), "1")
     assert np.isfinite(result.origin).all()
+
+
+@pytest.mark.parametrize(
+    ("subject", "views"),
+    [
+        ("views 1 and 2", "12"),
+        ("views 1, 3, 4", "134"),
+        ("views", "1234"),
+        ("circle 3", "1234"),
+        ("view 1, points 3, 4", "1"),
+        ("pixels of view 2", "2"),
+    ],
+)
+def test_a_finding_is_told_of_every_view_that_it_names(subject, views):
+    finding = Finding("odd", subject, "odd")
+    assert [view for view in "1234" if of_view(finding, view)] == list(views)

@@ -13,6 +13,8 @@ from sldvexp.console import bench as bench_module
 from sldvexp.console.bench import AimingBench
 from sldvexp.errors import UserError
 from sldvexp.instrument.visa import Visa
+from sldvexp.scan import Sampling
+from sldvexp.signal import ExcitationKind
 from sldvexp.virtual_lab.lab import VirtualLab
 from sldvexp.virtual_lab.server import Fault, LabServer
 
@@ -155,6 +157,49 @@ def test_three_circles_tell_where_the_fourth_and_the_corners_lie(bench, do, seen
     residual = {m["number"]: m["residual"] for m in seen.look()["marks"]["marks"]}
     assert residual[4] > 20
     assert "contradict" in seen.topics["marks"]["pose"]
+
+
+@pytest.fixture
+def broadband(lab_experiment, board, wishes):
+    """A bench for a structure that a multisine excites."""
+    how = {"excitation": ExcitationKind.multisine, "band": [50.0, 1325.0], "records": 10}
+    sampling = Sampling(rate=5120.0, samples=1024, **how)
+    scan = replace(lab_experiment.scan.structure, sampling=sampling)
+    made = AimingBench(replace(lab_experiment, scan=scan), board, wishes)
+    made._taken({})
+    yield made
+    made.leave()
+
+
+def looked_at(bench, seen, low, high):
+    """Look quickly at a window until its pixels are found; the headers of the last look."""
+    bench._begin_look({"low": low, "high": high})
+    while bench._look is not None:
+        bench.turn()
+    seen.look()
+    parts = [h for h, _ in seen.parts if h["picture"] == "raster"]
+    begun = max(i for i, h in enumerate(parts) if "cell" not in h)
+    return parts[begun + 1 :]
+
+
+def test_broadband_scan_is_looked_at_where_most_moves(broadband, seen):
+    parts = looked_at(broadband, seen, [-1500, -1600], [1500, 400])
+    assert {h["frequency"] for h in parts} == {440.0}  # of a mode that moves all over the plate
+    assert {h["among"] for h in parts} == {256}
+
+
+def test_broadband_scan_of_a_known_region_is_looked_at_there(broadband, seen):
+    for number, corner in enumerate([(-600, 100), (600, 100), (600, -1400), (-600, -1400)], 1):
+        broadband.marks.put("1", ("corner", number), corner)
+    parts = looked_at(broadband, seen, [1900, 1900], [1930, 1930])
+    assert {h["frequency"] for h in parts} == {440.0}
+
+
+def test_what_does_not_move_is_looked_at_in_the_middle_of_the_band(broadband, seen):
+    parts = looked_at(broadband, seen, [1800, 1800], [1900, 1900])
+    (hertz,) = {h["frequency"] for h in parts}
+    assert hertz == pytest.approx(np.sqrt(50.0 * 1325.0))
+    assert {h["among"] for h in parts} == {1}
 
 
 def test_quick_look_goes_from_coarse_to_fine_and_shows_what_moves(bench, do, seen, lab):

@@ -18,6 +18,16 @@ FAULTS = """
 return axe.run().then((found) => found.violations.map((v) =>
   v.id + ": " + v.nodes.map((n) => n.html.slice(0, 100)).join(" | ")))
 """
+#: Keeps the names that are drawn on the field of view.
+NAMED = """
+window.named = new Set();
+const own = CanvasRenderingContext2D.prototype.fillText;
+CanvasRenderingContext2D.prototype.fillText = function (text, ...at) {
+  window.named.add(text);
+  return own.call(this, text, ...at);
+};
+"""
+TOP = "return document.getElementById(arguments[0]).getBoundingClientRect().top"
 TABS = ("aim", "scan", "plan", "result")
 
 
@@ -46,8 +56,10 @@ def test_circle_is_found_on_a_quick_look_and_marked_by_a_click_and_a_key(page, s
     page.key("l")
     page.come_to(place)
     page.until(lambda: page.text("velocity-told") > "5")
+    page.js(NAMED)
     page.mark()
     assert page.text("marks").count(str(round(place[0]))) == 1
+    page.until(lambda: page.js("return [...named]") == ["circle 1"])
     page.key("u")
     page.until(lambda: page.marks == 0)
     page.key("r")
@@ -56,6 +68,20 @@ def test_circle_is_found_on_a_quick_look_and_marked_by_a_click_and_a_key(page, s
     fetched = page.fetched()
     assert len(fetched) > 5
     assert [url for url in fetched if not url.startswith(served.address)] == []
+
+
+def test_no_button_moves_when_the_signal_is_judged_for_the_first_time(page):
+    buttons = ("mark", "go", "undo", "redo", "write", "start")
+
+    def heights():
+        return [page.js(TOP, name) - page.js(TOP, "at-up") for name in buttons]
+
+    page.click("leave")
+    page.until(lambda: page.text("flags") == "")
+    before = heights()
+    page.click("take")
+    page.until(lambda: page.text("flags"))
+    assert heights() == before
 
 
 @pytest.mark.parametrize(("size", "dark"), [(DESKTOP, False), (PHONE, False), (DESKTOP, True)])

@@ -18,8 +18,7 @@ from tests.report.opened import DESKTOP, PHONE
 pytestmark = [
     pytest.mark.skipif(not devtools.PATH, reason="needs chromium"),
     pytest.mark.xdist_group("browser"),
-    # By itself it takes half a minute; after hundreds of other tests in one process it has hung.
-    pytest.mark.long,
+    pytest.mark.whole,
 ]
 #: Views as they are called here and in the lab.
 VIEWS = {"front": "1", "left": "2", "right": "3"}

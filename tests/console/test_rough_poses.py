@@ -133,8 +133,8 @@ def test_what_is_not_marked_of_a_view_is_taken_as_predicted(bench, wishes, seen,
 
 def test_region_is_that_which_the_scan_has_of_its_own(bench, rough, seen):
     found = predicted(seen.look()["marks"])
-    aimed = rough.scan.aimed(rough.laser, rough.target)
-    wanted = np.array(aimed.parts("1")[1].views["1"].corners)
+    in_steps = rough.scan.in_steps(rough.laser, rough.target)
+    wanted = np.array(in_steps.parts("1")[1].views["1"].corners)
     np.testing.assert_allclose([found["corner", k] for k in (1, 2, 3, 4)], wanted, atol=1)
 
 
@@ -144,7 +144,7 @@ def test_region_of_a_view_of_its_own_goes_before_that_of_all(rough):
     scan = replace(rough.scan.structure, views={"1": region})
     outlook = Outlook(replace(rough, scan=scan), {"corner": [1, 2, 3, 4]})
     found = outlook.of({}, "1").predicted
-    wanted = scan.aimed(rough.laser, rough.target).views["1"].corners
+    wanted = scan.in_steps(rough.laser, rough.target).views["1"].corners
     np.testing.assert_allclose([found["corner", k] for k in (1, 2, 3, 4)], wanted, atol=1)
 
 

@@ -9,7 +9,7 @@ from dataclasses import fields
 import pytest
 from handbook_pages import FENCE, PAGES, group_of, sections
 
-from sldvexp.cli import main, plot, reference
+from sldvexp.cli import command, plot, reference
 from sldvexp.cli.commands import COMMANDS
 from sldvexp.config import Origins, docs, registry
 from sldvexp.config.experiment import Experiment
@@ -119,7 +119,7 @@ def test_conventions_are_those_that_every_run_states():
 def test_exit_statuses_are_those_of_the_command():
     told = {int(status) for status, _ in rows(sections("reading_a_result")["Exit status"])}
     stopped = {exit_status(Stopped(number)) for number in SIGNALS}
-    assert told == {main.DONE, main.FAILED, main.MISSED, *stopped}
+    assert told == {command.DONE, command.FAILED, command.MISSED, *stopped}
 
 
 def test_glossary_has_each_word_once_and_in_order():

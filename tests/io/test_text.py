@@ -102,7 +102,7 @@ TEXT = "x_m,y_m,z_m\n1,2,3\n4,5,6\n"
 def test_a_change_after_writing_is_refused(tmp_path, last):
     path, whole = tmp_path / "points.csv", with_check_line(TEXT, last)
     path.write_text(whole)
-    assert read_table(path).rows == [["1", "2", "3"], ["4", "5", "6"]]
+    assert read_table(path).rows == [("1", "2", "3"), ("4", "5", "6")]
     line = 4 if last else 1
     path.write_text(whole.replace("4,5,6", "4,8,6"))
     with pytest.raises(UserError) as error:
@@ -115,7 +115,7 @@ def test_a_change_after_writing_is_refused(tmp_path, last):
     with pytest.raises(UserError, match=r"has 2 lines besides line \d, which promises 3; the file"):
         read_table(path)
     path.write_text(TEXT.replace("4,5,6", "4,8,6"))
-    assert read_table(path).rows[1] == ["4", "8", "6"]
+    assert read_table(path).rows[1] == ("4", "8", "6")
 
 
 @pytest.mark.parametrize("encoding", ENCODINGS)
@@ -123,7 +123,7 @@ def test_the_same_lines_in_another_form_are_no_change(tmp_path, encoding):
     path = tmp_path / "points.csv"
     whole = with_check_line(TEXT).replace("\n", " \r\n") + "\r\n"
     path.write_bytes(whole.encode(encoding))
-    assert read_table(path).rows == [["1", "2", "3"], ["4", "5", "6"]]
+    assert read_table(path).rows == [("1", "2", "3"), ("4", "5", "6")]
     assert read_text(Path(path)).startswith("# 3 lines, crc32 ")
 
 

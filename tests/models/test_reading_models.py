@@ -15,6 +15,7 @@ from sldvexp.errors import ConfigError, UserError
 from sldvexp.io.uff import writer
 from sldvexp.models import MatchedPoint, ModelFile, ModelFrame, universal_text
 from sldvexp.models.estimate import examine_model
+from sldvexp.models.placing import check_place
 from sldvexp.models.wording import findings_about
 from sldvexp.units import LengthUnit
 from sldvexp.volume import Grid
@@ -160,8 +161,9 @@ def test_files_without_a_surface_or_with_lost_values_are_refused(tmp_path):
         ModelFile(path=written(tmp_path, bare + few)).read()
 
 
-def with_volume(tree):
-    volume = Grid(center=CENTER.tolist(), size=[0.26, 0.21], shape=[7, 6], layers=3, thickness=0.01)
+def with_volume(tree, size=(0.26, 0.21), shape=(7, 6), center=CENTER):
+    sizes = {"size": list(size), "shape": list(shape)}
+    volume = Grid(center=list(center), **sizes, layers=3, thickness=0.01)
     return tree | {"volume": volume.group()}
 
 
@@ -185,6 +187,54 @@ def test_model_in_other_units_or_axes_is_refused(tmp_path, tree, wrong, said):
     past = r"pixels of view 1 (that move )?looks? at the model|none of its"
     with pytest.raises(UserError, match=past):
         examine_model(tree, LASER, source(path, **wrong))
+
+
+@pytest.mark.parametrize(
+    ("size", "shape", "center"),
+    [
+        ((0.6, 0.5), (13, 11), CENTER),  # reaches far beyond the plate, on all sides
+        ((0.6, 0.5), (7, 6), CENTER),
+        ((0.6, 0.25), (13, 11), (0.57, 0.14, 0.0)),  # on one side alone
+        ((0.1, 0.08), (4, 3), CENTER),  # a part of the plate
+    ],
+)
+def test_right_model_is_taken_where_the_volume_is_larger_or_smaller_than_the_plate(
+    tmp_path, tree, size, shape, center
+):
+    one = source(written(tmp_path, universal_text(own_axes())))
+    found = examine_model(with_volume(tree, size, shape, center), LASER, one)
+    assert not found.shapes_rejected
+
+
+@pytest.mark.parametrize(
+    ("unit", "size", "said"),
+    [
+        (
+            LengthUnit.inch,
+            (0.6, 0.5),
+            "lies on the surface of the volume, but is 0.013 times as large",
+        ),
+        (LengthUnit.m, (0.9, 0.75), "or let the volume be no larger than the structure"),
+        (LengthUnit.mm, (0.6, 0.5), "0.0005 times as large"),
+    ],
+)
+def test_model_that_covers_little_of_a_volume_is_refused_before_a_scan(
+    tmp_path, tree, unit, size, said
+):
+    text = universal_text(own_axes()).split("    -1\n   164")[-1].split("    -1\n", 1)[1]
+    one = source(written(tmp_path, text), unit=unit).model()
+    with pytest.raises(UserError, match=said):
+        check_place(one, with_volume(tree, size, (9, 7)))
+
+
+def test_centimetres_read_as_inches_are_refused_before_a_scan(tmp_path, tree):
+    large = replace(own_axes(), position=own_axes().position / 0.0254)
+    text = universal_text(large).split("    -1\n   164")[-1].split("    -1\n", 1)[1]
+    path = written(tmp_path, text)
+    check_place(source(path, unit=LengthUnit.inch).model(), with_volume(tree, (0.3, 0.25), (9, 8)))
+    one = source(path, unit=LengthUnit.cm).model()
+    with pytest.raises(UserError, match="as large"):
+        check_place(one, with_volume(tree, (0.3, 0.25), (19, 16)))
 
 
 def aside(x):

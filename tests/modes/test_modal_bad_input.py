@@ -28,6 +28,13 @@ def test_fewer_lines_than_poles_are_refused():
     refused("5 lines are too few to find modes; measure at least 8", whole, band=[530, 550])
 
 
+def test_fewer_lines_than_the_poles_of_all_signals_are_told():
+    whole, _ = session(0, 0.05)
+    few = whole.isel(frequency=np.linspace(0, len(LINE) - 1, 12).astype(int))
+    told = "signals stand out of the noise, for whose poles 12 lines are too few: measure at least"
+    refused(told, few)
+
+
 def test_a_band_of_noise_has_no_mode():
     refused("nothing stands out of the noise between 55 and 1330 Hz", noise_alone())
 

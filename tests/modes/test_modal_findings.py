@@ -31,21 +31,53 @@ def test_clean_lines_have_no_findings():
         assert identified(session(seed, 0.05)[0]).findings == []
 
 
-def test_harmonics_on_other_lines_are_named_and_bounds_widened_by_the_misfit():
+def test_harmonics_on_other_lines_are_named_with_their_ratio_and_lines_count_for_less():
     clean, _ = session(1, 0.01)
-    found, before = identified(with_harmonics(clean, 0.01)), identified(clean)
-    told = kinds(found)["misfit"]
+    found, before = identified(with_harmonics(clean, 0.005)), identified(clean)
+    told = kinds(found)["harmonics"]
+    assert told.severity is Severity.note
     assert "880 (2 x 440)" in told.text
     assert "1090 (2 x 545)" in told.text
-    assert told.remedy.startswith("modal.leave_out=[")
-    misfit = float(found.modes["misfit"])
+    assert found.modes["harmonic"].values.tolist() == [2]
+    assert found.modes["harmonic_ratio"].values == pytest.approx([0.005], rel=0.25)
+    by_line = found.modes["harmonics_rms"].values
+    even = np.isin(LINE, 2 * LINE)
+    assert np.all(by_line[even] > 0)
+    assert np.all(by_line[~even] == 0)
+    # Lines lose some of their weight, which widens bounds, and nothing else does.
     ratio = found.modes["natural_frequency_std"] / before.modes["natural_frequency_std"]
-    assert ratio.values == pytest.approx(np.sqrt(misfit), rel=0.02)
-    assert told.size == pytest.approx(np.sqrt(misfit))
-    lines = [float(f) for f in told.remedy.removeprefix("modal.leave_out=[").strip("]").split(",")]
-    better = identified(with_harmonics(clean, 0.01), leave_out=lines)
-    assert float(better.modes["misfit"]) < 0.5 * misfit + 0.5
-    assert len(better.modes["line"]) == len(LINE) - len(lines)
+    assert np.all((ratio.values > 1.0) & (ratio.values < 1.5))
+    assert before.modes.sizes["harmonic"] == 0
+
+
+@pytest.mark.parametrize("seeds", [4, pytest.param(40, marks=pytest.mark.long)])
+def test_bounds_hold_with_harmonics_and_would_not_without_their_weights(seeds):
+    """Errors over standard errors of sessions, with lines weighted and not."""
+    weighted, plain = [], []
+    for seed in range(seeds):
+        spoilt = with_harmonics(session(seed, 0.01, 150)[0], 0.02)
+        found = identified(spoilt)
+        responses = modes.Responses.from_images({"a": spoilt})
+        principal = modes.compress(responses)
+        alike = modes.likelihood.most_likely(principal, found.fit.pole)
+        for fit, to in ((found.fit, weighted), (alike, plain)):
+            error = np.log(np.abs(fit.pole) / (2 * np.pi * FREQUENCY))
+            to.append(error / np.sqrt(np.diag(fit.covariance)[:5]))
+    chance = 3.3 / np.sqrt(2 * 5 * seeds)
+    assert abs(np.std(weighted) - 1) < chance
+    assert np.std(plain) > 1 + chance
+
+
+def test_harmonics_do_not_hide_a_missed_mode():
+    whole, _ = session(2, 0.01, frequency=np.array([300.0, 700.0]), damping=0.01)
+    spoilt = with_harmonics(whole, 0.005)
+    responses = modes.Responses.from_images({"a": spoilt})
+    principal = modes.compress(responses)
+    one = modes.model.poles_of(2 * np.pi * np.array([300.0]), 0.01)
+    fit = modes.likelihood.most_likely(principal, one)
+    found = modes.harmonics.find_harmonics(responses, principal, fit.by_line)
+    principal = modes.harmonics.weigh(principal, responses, found)
+    assert modes.likelihood.most_likely(principal, one).misfit > 2
 
 
 def test_a_missed_mode_makes_the_modes_doubtful():
@@ -61,11 +93,21 @@ def test_a_missed_mode_makes_the_modes_doubtful():
     assert both.chi_square / both.dof < 1.2
 
 
+def test_harmonics_so_strong_that_the_structure_may_not_be_linear_are_doubtful():
+    clean, _ = session(3, 0.002)
+    told = kinds(identified(with_harmonics(clean, 0.02)))["harmonics"]
+    assert told.severity is Severity.doubtful
+    assert "compare with a weaker one" in told.text
+
+
 def test_a_misfit_that_wider_bounds_do_not_repair_is_doubtful():
     clean, _ = session(3, 0.002)
-    told = kinds(identified(with_harmonics(clean, 0.02)))["misfit"]
+    values = clean["velocity"].values
+    values += 2e-3 * np.abs(values).max() * np.sign(np.sin(0.3 * LINE))  # of no line's multiple
+    told = kinds(identified(clean))["misfit"]
     assert told.severity is Severity.doubtful
     assert told.statistic > 2
+    assert told.size == pytest.approx(np.sqrt(told.statistic))
 
 
 @pytest.mark.parametrize("stated", [0.5, 2.0])

@@ -11,9 +11,9 @@ from sldvexp.config.planning import ForbiddenBox
 from sldvexp.errors import UserError
 from sldvexp.geometry import rotation_towards
 from sldvexp.laser import TwoMirror, project
-from sldvexp.planner.aim import aimed
 from sldvexp.planner.place import Place, TargetMarks, Unseen, crosses, hides_itself, of_search
 from sldvexp.planner.search import candidates, examined
+from sldvexp.planner.turning import turned_towards
 from sldvexp.targets import Circle, Circles, Plane, shaded_circles
 from sldvexp.volume import Grid, Prisms, TriangulatedSurface, extruded, vertex_normals
 from sldvexp.volume.surface import node_frames
@@ -43,7 +43,7 @@ def test_what_is_to_be_seen_lies_evenly_in_the_ranges_of_the_mirrors():
     points = rng.uniform(-0.3, 0.3, (30, 3)) * [1, 1, 0.1] + [0.4, 0.1, 0]
     laser = TwoMirror(mirror_offset=0.03)
     origins = np.array([[1.5, 0.5, 1.2], [-1.0, -0.8, 0.9]])
-    look_at, rotations = aimed(origins, points, laser)
+    look_at, rotations = turned_towards(origins, points, laser)
     for origin, point, rotation in zip(origins, look_at, rotations, strict=True):
         np.testing.assert_allclose(rotation, rotation_towards(origin, point), atol=1e-12)
         angles = project((points - origin) @ rotation.T, laser.mirror_offset)

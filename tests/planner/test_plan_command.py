@@ -34,11 +34,11 @@ def test_a_plan_is_written_as_an_experiment_with_poses_and_a_figure(planned):
     assert all(set(view) == {"origin", "look_at"} for view in views.values())
     scan = made["scan"]
     assert scan["poses"] == views
-    assert len(scan["structure"]["corners_at"]) == 4
+    assert len(scan["structure"]["corners_at"]) == 8  # of a volume 24 mm deep
     assert yaml.safe_load(Path("lab/pose/monday.yaml").read_text())["views"] == views
     assert "expect" not in made
     said = (
-        "stands were looked for with y from -0.9 m, y to 1.1 m, 1.2 to 2.5 m away, as "
+        "stands were looked for from y = -0.9 m, up to y = 1.1 m, 1.2 to 2.5 m away, as "
         "plan.room.low, plan.room.high and plan.room.distance are not set"
     )
     assert said in words(planned.out)
@@ -138,7 +138,7 @@ def test_a_plan_without_any_rough_pose_has_them_for_all_that_follows(sldvexp, un
     assert "calibration" not in scan
     assert "views" not in scan["structure"]
     corners = np.array(scan["structure"]["corners_at"]) / {"m": 1, "mm": 1000}[unit]
-    assert np.ptp(corners, axis=0)[:2] == pytest.approx([0.313, 0.210], abs=2e-4)
+    assert np.ptp(corners, axis=0)[:2] == pytest.approx([0.309, 0.206], abs=2e-4)
     checked = sldvexp("plan", *own, "check", "experiment=bare")
     assert (checked.status, checked.err) == (0, "")
     assert "does not" not in checked.out
@@ -146,7 +146,16 @@ def test_a_plan_without_any_rough_pose_has_them_for_all_that_follows(sldvexp, un
     assert looks_at(checked.out)[:3] == looks_at(done.out)[:3]
     told = sldvexp("aim", *own, "experiment=bare", "view=2")
     assert (told.status, told.err) == (0, "")
-    assert (told.out.count("circle"), told.out.count("corner")) == (4, 4)
+    assert (told.out.count("circle"), told.out.count("corner")) == (4, 8)
+
+
+def test_poses_that_are_given_but_not_yet_known_are_what_a_plan_writes(sldvexp):
+    done = sldvexp("plan", *QUICK, "pose=given", "plan.stands=3", "--to", "lab")
+    assert (done.status, done.err) == (0, "")
+    made = yaml.safe_load(Path("lab/experiment/planned.yaml").read_text())
+    assert made["pose"]["views"] == made["scene"]["views"]
+    again = sldvexp("plan", "check", "--config-dir", "lab", "experiment=planned")
+    assert (again.status, again.err) == (0, "")
 
 
 def test_who_has_no_stands_is_told_the_setting_that_takes_them(sldvexp):

@@ -13,6 +13,7 @@ from sldvexp.planner import StandPlan
 from sldvexp.planner.criterion import Goal, covariance_of
 from sldvexp.planner.place import Place, of_search
 from sldvexp.planner.search import candidates
+from sldvexp.planner.turning import angles_of
 from tests.planner.planned_experiments import SMALL, composed
 
 PLANS = [
@@ -75,6 +76,21 @@ def test_the_same_seed_gives_the_same_stands_and_another_one_others():
     np.testing.assert_array_equal(places[0], places[1])
     assert not np.array_equal(places[0], places[2])
     assert one.asked == pytest.approx(other.asked, rel=0.02)
+
+
+@pytest.mark.parametrize("thickness", [0.0002, 0.036])
+def test_a_planned_view_images_what_it_sees_of_the_volume_and_little_beside(thickness):
+    e = composed("experiment=plate", *SMALL, "plan.stands=3", f"volume.thickness={thickness}")
+    found = planner.plan(e)
+    for stand in found.stands:
+        to_all = angles_of(
+            stand.origin[None], stand.rotation[None], found.place.outline, found.place.laser
+        )
+        seen = found.place.laser.dac_from_angle(to_all[0])
+        beside = np.array([seen.min(axis=0) - stand.corners.min(axis=0)])
+        beside = np.append(beside, stand.corners.max(axis=0) - seen.max(axis=0))
+        assert beside.min() > 0
+        assert (beside.reshape(2, 2) / np.ptp(seen, axis=0)).max() < 0.03
 
 
 def test_all_planned_stands_keep_the_limits():

@@ -18,7 +18,7 @@ from sldvexp.errors import UserError
 from sldvexp.plot import figures_of
 from sldvexp.plot.style import runs_of
 from tests.plot import groups_of_runs as groups
-from tests.report.made_modes import modes
+from tests.report.made_modes import criteria, modes
 from tests.shell.made_strain import made_strain
 
 #: Modes, Hz, whose numbers would lie over one another.
@@ -32,7 +32,7 @@ OF_SESSION = (
 )
 OF_GROUPS = (
     *("point", "spectrum", "few", "repeatability", "sweep", "strain", "hot_spots", "points"),
-    *("stabilisation", "close_modes"),
+    *("stabilisation", "close_modes", "model_criteria"),
 )
 
 
@@ -99,6 +99,7 @@ def drawing_of(name, tree):
         "strain": lambda: ("strain", {"strain": strain()}),
         "hot_spots": lambda: ("hot_spots", {"strain": strain()}),
         "stabilisation": lambda: ("stabilisation", {"modes": modes()}),
+        "model_criteria": lambda: ("model_criteria", criteria()),
         "close_modes": lambda: ("stabilisation", {"modes": modes(CLOSE)}),
         "points": lambda: ("surface", {"point": groups.points(), "line_of_sight": groups.joined()}),
     }

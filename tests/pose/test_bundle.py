@@ -12,7 +12,8 @@ from sldvexp.geometry import rotation_towards, vector_from_rotation
 from sldvexp.io.registration import RegistrationTable, to_dataset, write
 from sldvexp.laser import TwoMirror, project
 from sldvexp.pose.base import cross_covariance
-from sldvexp.pose.bundle import Bundle, Distance
+from sldvexp.pose.bundle import Bundle, Distance, MeasuredRange
+from sldvexp.pose.free_points import Configuration, Sightings
 
 LASER = TwoMirror(mirror_offset=0.03)
 FRAME = [1, 2, 3]
@@ -84,6 +85,85 @@ def test_noiseless_angles_give_poses_and_points(views):
     np.testing.assert_allclose(places, lab.points, atol=1e-8)
     np.testing.assert_allclose(found.registration["object_point_std"][0, 0], 0, atol=1e-12)
     assert not found.findings
+
+
+#: Standard deviation of a range, m.
+RANGED = 1e-3
+
+
+def ranged(lab, rng=None, pairs=(("front", 1), ("left", 4)), std=RANGED):
+    """Ranges from views to points, exact without a generator."""
+    found = []
+    for view, point in pairs:
+        length = np.linalg.norm(lab.points[point - 1] - lab.origin[lab.names.index(view)])
+        off = 0.0 if rng is None else std * rng.standard_normal()
+        found.append(MeasuredRange(view, point, float(length + off), std))
+    return found
+
+
+def test_ranges_alone_set_the_scale():
+    lab = Lab(3)
+    method = lab.method(distances=[], ranges=ranged(lab))
+    found = solve(lab, lab.tables(), method)
+    np.testing.assert_allclose(lab.errors(found), 0, atol=1e-8)
+    assert "known distances give the scale to 0.047 %" in found.notes[0]
+
+
+@pytest.mark.parametrize("trials", [25, pytest.param(400, marks=pytest.mark.long)])
+def test_bounds_with_ranges_hold_and_are_the_cramer_rao_bound(trials):
+    lab = Lab(3)
+    names, rng = lab.names, np.random.default_rng(20_000)
+    exact = solve(lab, lab.tables(), lab.method(distances=[], ranges=ranged(lab))).pose
+    bound = np.sqrt(np.diag(cross_covariance(exact, names).reshape(24, 24)))
+    relative, square = [], []
+    for _ in range(trials):
+        method = lab.method(distances=[], ranges=ranged(lab, rng))
+        found = solve(lab, lab.tables(rng), method)
+        covariance = cross_covariance(found.pose, names).reshape(24, 24)
+        error = lab.errors(found)
+        relative.append(error / bound)
+        square.append(error @ np.linalg.solve(covariance, error))
+    spread = 1 / np.sqrt(2 * 6 * trials)
+    rms = np.sqrt(np.mean(np.square(relative)))
+    assert 1 - 4 * spread < rms < (1.05 if trials >= 400 else 1 + 4 * spread)
+    assert abs(np.mean(square) - 24) < 4 * np.sqrt(2 * 24 / trials)
+
+
+def test_ranges_beside_a_distance_make_bounds_smaller():
+    lab = Lab(3)
+    alone, more = (
+        solve(lab, lab.tables(), lab.method(ranges=ranges)).pose["origin_std"].values
+        for ranges in ([], ranged(lab, std=2e-4))
+    )
+    assert (more < alone).all()
+    assert more[1, 2] < 0.6 * alone[1, 2]  # above the marks, from where one of them goes
+
+
+def test_a_wrong_range_is_named():
+    lab = Lab(5, points=8)
+    ranges = ranged(lab, pairs=(("front", 1), ("left", 4), ("right", 2)))
+    ranges[1].length += 0.02
+    rng = np.random.default_rng(1)
+    found = solve(lab, lab.tables(rng), lab.method(ranges=ranges))
+    (finding,) = found.findings
+    assert (finding.kind, finding.severity.name) == ("wrong_distance", "void")
+    assert finding.subject == "distance of view left and point 4"
+
+
+def test_derivatives_of_ranges_are_those_of_small_steps():
+    lab = Lab(3)
+    at = Configuration(lab.rotation, lab.origin, lab.points)
+    view, point = np.divmod(np.arange(24), 6)
+    pairs = np.array([[6, 0], [8, 3], [1, 2]])
+    angle = np.zeros((24, 2))
+    seen = Sightings(
+        view, point, angle, np.full(2, 1e-4), 1.0, 0.03, pairs, np.ones(3), np.full(3, 0.5)
+    )
+    jacobian = seen.jacobian(at)[-3:]
+    for k in range(jacobian.shape[1]):
+        step = 1e-6 * np.eye(jacobian.shape[1])[k]
+        change = (seen.residual(at.moved(-step)) - seen.residual(at.moved(step)))[-3:] / 2e-6
+        np.testing.assert_allclose(jacobian[:, k], change, atol=1e-8)
 
 
 def trials_of(lab, trials):
@@ -221,6 +301,16 @@ def test_the_scale_errs_as_the_distance_does():
     [
         ({"distances": []}, (), "needs a known distance, which sets the scale"),
         ({"distances": [Distance([1, 9], 0.3)]}, (), "no two views see a point 9; those that"),
+        (
+            {"ranges": [MeasuredRange("back", 1, 1.5)]},
+            (),
+            r"pose.ranges\[0\].view: there is no view back; Valid: below, front",
+        ),
+        (
+            {"ranges": [MeasuredRange("left", 9, 1.5)]},
+            (),
+            r"pose.ranges\[0\].point: no two views see a point 9",
+        ),
         ({"frame": [1, 2, 7]}, (), "pose.frame: no two views see a point 7"),
         ({"frame": []}, (), "no rough coordinates that would make the world's axes"),
         (
@@ -262,3 +352,7 @@ def test_settings_are_checked():
         Bundle(distances=[Distance([1], 0.3)])
     with pytest.raises(ConfigError, match="frame: must be three different points"):
         Bundle(frame=[1, 1, 2])
+    with pytest.raises(ConfigError, match=r"ranges\[0\].view: must name a view"):
+        Bundle(ranges=[MeasuredRange(point=1, length=1.0)])
+    with pytest.raises(ConfigError, match=r"ranges\[0\].length: must be a positive number"):
+        Bundle(ranges=[MeasuredRange("front", 1)])

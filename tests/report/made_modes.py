@@ -101,3 +101,23 @@ def pixels(paired: int = 2) -> dict[str, xr.Dataset]:
             position=0.1 * np.stack([x, y, 0 * x], axis=1),
         )
     return found
+
+
+def criteria(short: float = 2.0) -> dict[str, xr.Dataset]:
+    """CoMAC, FRAC and CSAC that are so many times as far below one as noise makes them."""
+    rng, found = np.random.default_rng(5), {}
+
+    def of(name: str, count: int) -> dict[str, np.ndarray]:
+        noise = rng.uniform(1e-4, 2e-4, count)
+        std = np.full(count, 1e-5)
+        return {name: 1 - short * noise, f"{name}_expected": 1 - noise, f"{name}_std": std}
+
+    for view, image in pixels().items():
+        if view.startswith("model/"):
+            count = image.sizes["pixel"]
+            own = of("comac", count) | of("frac", count)
+            made = dataset.group("model/image", {"pixel": image["pixel"].values}, **own)
+            found[view] = image.merge(made)
+    line = np.linspace(150.0, 600.0, 40)
+    lines = dataset.group("model", {"line": np.arange(40)}, line_frequency=line, **of("csac", 40))
+    return found | {"model": model().merge(lines)}

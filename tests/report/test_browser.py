@@ -121,12 +121,13 @@ def test_a_picked_node_tells_its_velocity_and_bound(shown, small_volume, small_f
     field = small_field(small_volume()).isel(node=nodes[6], frequency=1)
     shown.set("component", -1)
     shown.set("frequency", 1)
-    shown.set("node", 7)
+    shown.set("node", int(nodes[6]))
     told = shown.text("picked")
     for name, value, own in zip(
         "xyz", 1e3 * abs(field["velocity"].values), 1e3 * field["confidence"].values, strict=True
     ):
         assert f"V_{name} {float(f'{value:.3g}'):g} ± {float(f'{own:.3g}'):g}" in told
+    assert f"Node {nodes[6]}: " in told  # by its number in the volume
     assert shown.joined("picked") == [6]
     shown.set("node", "")
     assert shown.text("picked") == ""

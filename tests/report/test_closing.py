@@ -38,6 +38,8 @@ def test_a_field_is_told_by_its_largest_velocities_on_the_surface():
         "velocity on the surface at 200 Hz, the strongest of 2 frequencies: "
         "x 2.00 ± 0.30, z 20.00 ± 0.30 mm/s"
     )
+    of_middle = lines({"field": field.assign_attrs(given_surface="middle"), "verdict": verdict()})
+    assert of_middle["found"].startswith("velocity on the middle surface at 200 Hz")
     assert told["bounds"] == "95 %, r.m.s. of them x 0.3, z 0.3 mm/s"
     assert told["verdict"].startswith("trusted: nothing that could be tested speaks against")
     assert told["files"] == "there/run.nc, pose.txt, report.html"
@@ -137,3 +139,15 @@ def test_show_of_no_run_is_refused_in_a_sentence(sldvexp, tmp_path, name):
     assert done.status == 1
     assert done.err.count("\n") == 1
     assert "has no run.nc; give a run, a sweep" in done.err
+
+
+def test_images_of_many_frequencies_tell_where_most_moves():
+    velocity = np.array([[1e-3, 3e-3, 1e-3], [1e-3, 4e-3j, 0.0], [1.0, 0.0, 0.0]])
+    hertz = {"frequency": [100.0, 105.0, 110.0]}
+    image = group("image", hertz, velocity=velocity, flags=[0, 0, 1])
+    pose = group("pose", {"view": ["a"]}, origin=[[0.0, 0.0, 1.0]])
+    told = lines({"image/a": image, "pose": pose})["found"]
+    assert told == (
+        "images of 1 view at 3 frequencies from 100 to 110 Hz, most motion at 105 Hz: "
+        "r.m.s. 3.54 mm/s; where the instrument stood in 1 view, without bounds"
+    )

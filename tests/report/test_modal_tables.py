@@ -18,8 +18,8 @@ from sldvexp.report.html.blocks import (
     Text,
 )
 from sldvexp.report.key_numbers import key_numbers
-from sldvexp.report.modal_tables import modal_tables, model_sentences
-from tests.report.made_modes import LIMITS, model, modes, pixels, told_of_model
+from sldvexp.report.modal_tables import criteria_table, modal_tables, model_sentences
+from tests.report.made_modes import LIMITS, criteria, model, modes, pixels, told_of_model
 from tests.report.test_shape import floats
 
 
@@ -120,6 +120,33 @@ def test_a_model_is_a_table_of_pairs_with_the_tests():
     assert column(table, "expected if right")[0] == "0.9999100 ± 0.0000020"
     assert column(table, "shape p") == ["0.4", "1e-09", ""]
     assert column(table, "mixed with") == ["", "3 (2 %)", ""]
+
+
+def test_criteria_by_pixel_and_line_stand_beside_those_of_noise_alone():
+    of = criteria(short=20.0)
+    worst = of["model/image/right"]
+    worst["comac"][3] = 0.9
+    table = criteria_table(RunData(of))
+    assert column(table, "criterion") == ["CoMAC", "FRAC", "CSAC"]
+    median, noise = (list(map(float, column(table, n))) for n in ("median", "noise alone"))
+    assert [0.996 < m < 0.9985 for m in median] == [True] * 3
+    assert [0.9998 < n < 0.9999 for n in noise] == [True] * 3
+    assert column(table, "worst")[0] == "0.900000"
+    where = column(table, "at")
+    assert where[0] == "view right, pixel 5"
+    assert where[2].endswith(" Hz")
+    tables = list(modal_tables(RunData({"modes": modes()} | of)))
+    assert tables[-1].title == "Model by pixel and by line, not judged"
+    blocks = modal.model_section(RunData({"modes": modes()} | of)).blocks
+    assert tables[-1].title in [b.caption for b in blocks if isinstance(b, HtmlTable)]
+    assert "model_criteria" in figures_of(RunData(of))
+
+
+def test_a_run_without_lines_has_no_criteria_by_line():
+    of = criteria()
+    of["model"] = model()
+    assert column(criteria_table(RunData(of)), "criterion") == ["CoMAC", "FRAC"]
+    assert criteria_table(RunData({"model": model()})) is None
 
 
 def test_a_p_value_below_all_numbers_is_not_zero():

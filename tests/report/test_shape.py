@@ -12,6 +12,7 @@ from matplotlib import colormaps
 from sldvexp.plot import style
 from sldvexp.plot.shape import normals
 from sldvexp.report.html import shape
+from sldvexp.report.html.fewer_nodes import fewer_nodes
 from tests.shell.made_strain import made_strain
 
 SQUARE = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0], [2, 1, 1.0]])
@@ -135,10 +136,54 @@ def test_field_without_frequencies_has_one_nameless_entry(small_volume, small_fi
     assert shape.shape_of(of, around)["frequencies"] == [None]
 
 
-def test_surface_of_too_many_nodes_is_not_drawn(monkeypatch, small_volume, small_field):
+def test_of_a_surface_of_many_nodes_some_are_drawn_for_all(monkeypatch, small_volume, small_field):
     around = small_volume()
-    monkeypatch.setattr(shape, "MOST_NODES", 19)
-    assert shape.shape_of(small_field(around), around) is None
+    field, strain = small_field(around), made_strain(around)
+    whole = shape.shape_of(field, around, strain)
+    monkeypatch.setattr(shape, "MOST_NODES", 9)
+    data = shape.shape_of(field, around, strain)
+    kept, count = data["few"]["nodes"], data["few"]["of"]
+    assert 4 <= len(kept) <= 9 < count
+    assert sorted(set(kept)) == kept
+    position = floats(whole["position"]).reshape(count, 3)
+    np.testing.assert_array_equal(floats(data["position"]).reshape(-1, 3), position[kept])
+    for part in ("real", "imaginary", "bound"):
+        every = floats(whole[part]).reshape(-1, count)
+        np.testing.assert_array_equal(floats(data[part]).reshape(-1, len(kept)), every[:, kept])
+    for own, of in zip(data["colourings"], whole["colourings"], strict=True):
+        every = floats(of["real"]).reshape(-1, count)
+        np.testing.assert_array_equal(floats(own["real"]).reshape(-1, len(kept)), every[:, kept])
+    corners = np.frombuffer(base64.b64decode(data["triangles"]), "<u2")
+    assert len(corners)
+    assert corners.max() < len(kept)
+    nodes = np.flatnonzero(around["node_layer"].values == 1)
+    few = fewer_nodes(around["position"].values[nodes], np.zeros((0, 3), int), 9)
+    np.testing.assert_array_equal(few.kept, kept)
+    velocity = (floats(whole["real"]) + 1j * floats(whole["imaginary"])).reshape(-1, count)
+    off = abs(velocity - velocity[:, few.kept[few.stands_in]]).max()
+    assert data["few"]["off"] == f"{off:.2g} {data['velocity_unit']}"
+
+
+def test_few_nodes_of_a_bent_sheet_keep_its_sides_and_its_size():
+    x, y = np.meshgrid(np.linspace(0, 2, 90), np.linspace(0, 1, 60), indexing="ij")
+    position = np.stack([np.sin(x), y, np.cos(x)], axis=-1).reshape(-1, 3)
+    at = np.arange(90 * 60).reshape(90, 60)
+    a, b, c, d = at[:-1, :-1], at[1:, :-1], at[1:, 1:], at[:-1, 1:]
+    triangles = np.stack([a, b, c, a, c, d], axis=-1).reshape(-1, 3)
+    few = fewer_nodes(position, triangles, 600)
+    assert 300 < len(few.kept) <= 600
+    assert sorted(few.stands_in[few.kept]) == list(range(len(few.kept)))
+    assert np.linalg.norm(position - position[few.kept[few.stands_in]], axis=1).max() < 0.1
+    corners = position[few.kept][few.triangles]
+    area = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2
+    outwards = (area * corners.mean(axis=1) * [1, 0, 1]).sum(axis=1)
+    assert (outwards > 0).mean() > 0.999 or (outwards < 0).mean() > 0.999
+    assert 1.7 < np.linalg.norm(area, axis=1).sum() < 2.0
+
+
+def test_a_surface_of_few_nodes_is_drawn_whole(small_volume, small_field):
+    around = small_volume()
+    assert shape.shape_of(small_field(around), around)["few"] is None
 
 
 def test_colours_of_strain_are_those_of_the_drawn_surface(small_volume, small_field):

@@ -40,7 +40,7 @@ def test_the_box_holds_all_of_the_region_and_hardly_more(pose):
     scan = Rectangle(
         views={"a": ScanRegion(pose=pose)}, pixels=[9, 12], corners_at=CORNERS, unit=LengthUnit.mm
     )
-    grid = scan.aimed(LASER, None).grid("a")
+    grid = scan.in_steps(LASER, None).grid("a")
     assert grid.shape == (9, 12, 2)
     outline = np.array(CORNERS, float) / 1000
     along = np.linspace(0, 1, 200)[:, None, None]
@@ -65,7 +65,7 @@ def test_a_margin_is_a_length_at_the_region():
     def size(margin: float) -> np.ndarray:
         region = ScanRegion(pose=FRONT, corners_at=[[x / 1000 for x in p] for p in CORNERS])
         scan = Rectangle(views={"a": region}, pixels=[3, 3], margin=margin)
-        grid = scan.aimed(LASER, None).grid("a")
+        grid = scan.in_steps(LASER, None).grid("a")
         along = on_the_plane(np.array([grid[1, 0], grid[1, 2], grid[0, 1], grid[2, 1]]), FRONT)
         return np.abs([along[0, 0] - along[1, 0], along[2, 1] - along[3, 1]])
 
@@ -82,8 +82,8 @@ def test_a_better_pose_takes_the_place_of_the_rough_one():
     other = Rectangle(
         views={"a": ScanRegion(pose=LEFT)}, pixels=[2, 2], corners_at=CORNERS, unit=LengthUnit.mm
     )
-    better = rough.aimed(LASER, None, {"a": LEFT, "b": FRONT})
-    np.testing.assert_array_equal(better.grid("a"), other.aimed(LASER, None).grid("a"))
+    better = rough.in_steps(LASER, None, {"a": LEFT, "b": FRONT})
+    np.testing.assert_array_equal(better.grid("a"), other.in_steps(LASER, None).grid("a"))
 
 
 def test_pixels_fall_on_their_points_and_circles_on_their_centres():
@@ -91,17 +91,17 @@ def test_pixels_fall_on_their_points_and_circles_on_their_centres():
     pixels = PixelList(
         views={"a": PixelSequence(pose=LEFT, pixels_at=points.tolist())}, unit=LengthUnit.mm
     )
-    aimed = pixels.aimed(LASER, None)
-    met = on_the_plane(np.concatenate(aimed.lines("a")), LEFT)
+    in_steps = pixels.in_steps(LASER, None)
+    met = on_the_plane(np.concatenate(in_steps.lines("a")), LEFT)
     half_step = 1.2 * 0.5 * LASER.step.max() * 2.3 / np.cos(np.deg2rad(60))
     np.testing.assert_allclose(met, points[:, :2] / 1000, atol=half_step)
 
     scan = CalibrationScan(views={"a": Centres(pose=LEFT), "b": Centres([[1, 2]])})
-    met = on_the_plane(scan.aimed(LASER, TARGET).centres("a"), LEFT)
+    met = on_the_plane(scan.in_steps(LASER, TARGET).centres("a"), LEFT)
     expected = [[c.x / 1000, c.y / 1000] for c in TARGET.circles.values()]
     np.testing.assert_allclose(met, expected, atol=half_step)
-    assert scan.aimed(LASER, TARGET).centres("b").tolist() == [[1, 2]]
-    assert scan.aimed(LASER, TARGET).pixel_count("a") == 3 * (3 * 300 + 44 * 25)
+    assert scan.in_steps(LASER, TARGET).centres("b").tolist() == [[1, 2]]
+    assert scan.in_steps(LASER, TARGET).pixel_count("a") == 3 * (3 * 300 + 44 * 25)
 
 
 def test_a_session_says_its_poses_once():
@@ -113,10 +113,10 @@ def test_a_session_says_its_poses_once():
     circles, image = session.parts("left")
     assert circles.views == {n: Centres(pose=p) for n, p in session.poses.items()}
     assert image.views == {n: ScanRegion(pose=p) for n, p in session.poses.items()}
-    aimed = session.aimed(LASER, TARGET)
-    assert [part.kind for part in aimed.parts("left")] == ["circles", "image"]
-    assert aimed.structure.grid("left").shape == (4, 5, 2)
-    assert aimed.calibration.centres("front").shape == (3, 2)
+    in_steps = session.in_steps(LASER, TARGET)
+    assert [part.kind for part in in_steps.parts("left")] == ["circles", "image"]
+    assert in_steps.structure.grid("left").shape == (4, 5, 2)
+    assert in_steps.calibration.centres("front").shape == (3, 2)
 
 
 def test_a_session_of_marks_takes_its_poses_for_the_images_alone():
@@ -172,7 +172,7 @@ NEAR = KnownPose(origin=[0.4, 0.1, 0.3], look_at=[0.4, 0.1, 0.0])
 )
 def test_what_cannot_be_reached_is_named_with_its_view(scan, told):
     with pytest.raises(UserError, match=told):
-        scan.aimed(TwoMirror(), TARGET)
+        scan.in_steps(TwoMirror(), TARGET)
 
 
 def test_circles_are_predicted_of_a_target_that_has_them():
@@ -182,7 +182,7 @@ def test_circles_are_predicted_of_a_target_that_has_them():
         with pytest.raises(
             UserError, match=r"^scan: the rough pose of the view front predicts circ"
         ):
-            scan.aimed(LASER, target)
+            scan.in_steps(LASER, target)
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ from sldvexp.instrument.recording import JOURNAL
 from sldvexp.laser import TwoMirror
 from sldvexp.session import Journal, Operator
 from sldvexp.session.by_person import AtTerminal
-from sldvexp.session.camera import NobodyThereError
+from sldvexp.session.operator import NobodyThereError
 from sldvexp.session.session import estimate, scan_views, takes_samples
 from sldvexp.units import LengthUnit
 from sldvexp.virtual_lab import VirtualLab

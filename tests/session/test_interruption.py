@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 
+from sldvexp.config.paths import CONFIGURATION
 from sldvexp.errors import UserError
 from sldvexp.instrument.recording import JOURNAL
 from sldvexp.session.interruption import how_to_go_on, telling_of_the_scan
-from sldvexp.session.journal import CONFIGURATION
 from sldvexp.stopping import (
     SIGNALS,
     Stopped,

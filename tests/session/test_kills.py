@@ -62,7 +62,7 @@ def moments(count, *kinds):
 #: Children are copies of a process that has imported the program; they begin in a moment.
 process = multiprocessing.get_context("forkserver")
 process.set_forkserver_preload(
-    ["sldvexp.cli.main", "sldvexp.pipeline.runner", "sldvexp.instrument.visa"]
+    ["sldvexp.cli.command", "sldvexp.pipeline.runner", "sldvexp.instrument.visa"]
 )
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from sldvexp import dataset
-from sldvexp.session.journal import CONFIGURATION
+from sldvexp.config.paths import CONFIGURATION
 
 # Two small views: fewer and shorter lines than the dissertation's, all circles.
 SMALL = [

@@ -14,7 +14,7 @@ from sldvexp.instrument import Replay
 from sldvexp.instrument.recording import JOURNAL
 from sldvexp.laser import dac_of_points
 from sldvexp.scan.calibration import Centres
-from sldvexp.session.camera import Operator
+from sldvexp.session.operator import Operator
 from sldvexp.session.search import PredictedCircle, spots_of
 from sldvexp.session.session import scan_views
 from sldvexp.targets import Plane
@@ -126,7 +126,7 @@ def test_a_rough_pose_wrong_by_a_degree_and_20_mm_is_enough(composed, tmp_path, 
         with e.instrument.open(e.scene, e.laser, e.target, seed=e.seed, view=view) as lab:
             circles = lab.true_dac(e.target.outlines().mean(axis=1))
             corners = lab.true_dac(np.array(e.scan.structure.corners_at))
-        predicted = e.scan.aimed(e.laser, e.target).parts(view)[0].centres(view)
+        predicted = e.scan.in_steps(e.laser, e.target).parts(view)[0].centres(view)
         assert np.abs(predicted - circles).max() > beside  # a circle is 110 wide
         assert np.abs(centres_of(found[f"edge/{view}"]) - circles).max() < 4
         # The circles have corrected the pose before the structure's corners are predicted.

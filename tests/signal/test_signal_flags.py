@@ -233,3 +233,10 @@ def test_refused_thresholds(options, field):
     with pytest.raises(ConfigError) as error:
         SineFit(flags=FlagRules(**options))
     assert [p.field for p in error.value.problems] == [field]
+
+
+def test_many_lines_without_a_reference_are_named_in_part():
+    line, rng = np.arange(100.0, 1400.0, 100.0), np.random.default_rng(3)
+    samples = 1e-3 * rng.standard_normal((50, 2, 256))
+    told = instrument_fault(demodulate(samples, sine_model(np.arange(256) / 2560.0, line[:12])))
+    assert told.startswith("the reference channel has no signal of 100, 200, 300 Hz and 9 others (")

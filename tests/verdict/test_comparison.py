@@ -7,8 +7,9 @@ import pytest
 from scipy.stats import binom, chi2, ncx2
 
 from sldvexp.field.bounds.pose_uncertainty import pose_covariance
-from sldvexp.verdict.comparison import FAMILY, TESTS, Bench, bench_of, compare_views
-from sldvexp.verdict.diagnosis import diagnose, tells_views_apart
+from sldvexp.verdict.comparison import TESTS, Bench, bench_of, compare_views
+from sldvexp.verdict.diagnosis import diagnose
+from sldvexp.verdict.explanation import FAMILY, tells_views_apart
 
 from .simulated_views import LOOSE, NOISE, TIGHT, Session, session
 

@@ -8,8 +8,7 @@ import pytest
 
 from sldvexp.field import View
 from sldvexp.verdict import Examined, examine_views
-from sldvexp.verdict.comparison import ViewTests
-from sldvexp.verdict.diagnosis import Explanation
+from sldvexp.verdict.explanation import Explanation, ViewTests
 from sldvexp.verdict.wording import disagreement
 
 from .simulated_views import LASER, groups, session, surface

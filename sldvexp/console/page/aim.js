@@ -1,6 +1,6 @@
 // Aiming: the field of view, the beam, the level, and the marks.
 
-import { Cells, hertz, paintRamp } from "./cells.js";
+import { Cells, atFrequency, paintRamp } from "./cells.js";
 
 const $ = (id) => document.getElementById(id);
 const STEPS = [1, 10, 100];
@@ -105,7 +105,7 @@ export class Aim {
       this.map.forget();
     } else {
       this.raster.push({ cell: header.cell, arrays });
-      this.frequency = header.frequency;
+      this.looked = header;
       this.addToMap(header.cell, arrays);
     }
     this.showRange();
@@ -118,7 +118,7 @@ export class Aim {
   }
 
   showRange() {
-    $("range").textContent = `0 to ${this.map.top.toPrecision(3)} ${$("shown").value === "reference" ? "V" : "mm/s"}${this.raster.length ? ` at ${hertz(this.frequency)}` : ""}`;
+    $("range").textContent = `0 to ${this.map.top.toPrecision(3)} ${$("shown").value === "reference" ? "V" : "mm/s"}${this.raster.length ? ` ${atFrequency(this.looked)}` : ""}`;
   }
 
   /** Show the other quantity of the same look. */
@@ -180,7 +180,7 @@ export class Aim {
       const row = document.createElement("tr"), set = this.at(name), guess = this.at(name, this.marks.predicted);
       const button = document.createElement("button");
       button.type = "button";
-      button.textContent = `${NAMES[name.kind]} ${name.number}`;
+      button.textContent = nameOf(name);
       const chosen = name.kind === this.chosen?.kind && name.number === this.chosen?.number;
       button.setAttribute("aria-pressed", String(chosen));
       button.addEventListener("click", () => this.choose(name));
@@ -217,8 +217,8 @@ export class Aim {
     const size = Math.max(width / (canvas.clientWidth || width), 1);  // on a small screen not smaller
     context.font = `bold ${13 * size}px sans-serif`;
     this.drawRegion(context, at);
-    for (const mark of this.marks.predicted ?? []) if (!this.at(mark)) drawCross(context, at(mark.dac), mark.kind === "corner" ? CORNER : "#19a3a3", `${mark.number}?`, size);
-    for (const mark of this.marks.marks) drawCross(context, at(mark.dac), mark.kind === "corner" ? CORNER : "#2f9e3f", String(mark.number), size);
+    for (const mark of this.marks.predicted ?? []) if (!this.at(mark)) drawMark(context, at(mark.dac), mark.kind, "#19a3a3", `${nameOf(mark)}?`, size);
+    for (const mark of this.marks.marks) drawMark(context, at(mark.dac), mark.kind, "#2f9e3f", nameOf(mark), size);
     const [x, y] = at(this.beam);
     for (const [colour, thick] of [["#fff", 4], ["#c00000", 2]]) {
       context.strokeStyle = colour;
@@ -328,21 +328,34 @@ export class Aim {
   }
 }
 
-function drawCross(context, [x, y], colour, text, size) {
-  const arm = 6 * size, aside = 8 * size;
+/** Name a mark, in the list and on the map alike. */
+function nameOf({ kind, number }) {
+  return `${NAMES[kind]} ${number}`;
+}
+
+/** Draw a mark: a ring for a circle, a square for a corner, a cross for all else; the names
+ * of circles stand below, so that those of corners beside them are free. */
+function drawMark(context, [x, y], kind, own, text, size) {
+  const arm = 6 * size, aside = 8 * size, colour = kind === "corner" ? CORNER : own;
   for (const [stroke, thick] of [["#fff", 4], [colour, 2]]) {
     context.strokeStyle = stroke;
     context.lineWidth = thick;
     context.beginPath();
-    context.moveTo(x - arm, y - arm); context.lineTo(x + arm, y + arm);
-    context.moveTo(x - arm, y + arm); context.lineTo(x + arm, y - arm);
+    if (kind === "circle") context.arc(x, y, arm, 0, 7);
+    else if (kind === "corner") context.rect(x - arm, y - arm, 2 * arm, 2 * arm);
+    else {
+      context.moveTo(x - arm, y - arm); context.lineTo(x + arm, y + arm);
+      context.moveTo(x - arm, y + arm); context.lineTo(x + arm, y - arm);
+    }
     context.stroke();
   }
+  const wide = context.measureText(text).width, right = x + aside + wide <= context.canvas.width;
+  const at = kind === "circle" ? [x - wide / 2, y + 2.4 * aside] : [right ? x + aside : x - aside - wide, y - aside];
   context.lineWidth = 3;
   context.strokeStyle = "#fff";
-  context.strokeText(text, x + aside, y - aside);
+  context.strokeText(text, ...at);
   context.fillStyle = colour;
-  context.fillText(text, x + aside, y - aside);
+  context.fillText(text, ...at);
 }
 
 function showCamera(header, [grey]) {

@@ -133,8 +133,13 @@ export class Cells {
 }
 
 /** Write a frequency, Hz, with as many digits as tell two lines apart. */
-export function hertz(frequency) {
+function hertz(frequency) {
   return `${Number(frequency.toPrecision(6))} Hz`;
+}
+
+/** Say at which frequency a picture is, and of how many it is the one at which most moves. */
+export function atFrequency({ frequency, among }) {
+  return `at ${hertz(frequency)}${among > 1 ? `, where most moves, of ${among} frequencies` : ""}`;
 }
 
 /** Paint a ramp into a small canvas. */

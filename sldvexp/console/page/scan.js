@@ -1,6 +1,6 @@
 // The scan: how far it is, the velocity image as it grows, and what can be wished.
 
-import { Cells, hertz, paintRamp } from "./cells.js";
+import { Cells, atFrequency, paintRamp } from "./cells.js";
 
 const $ = (id) => document.getElementById(id);
 
@@ -74,7 +74,7 @@ export class Scan {
       return;
     }
     this.image.add(dac, value, flag, header.tall, header.wide);
-    $("image-range").textContent = `0 to ${this.image.top.toPrecision(3)} mm/s at ${hertz(header.frequency)}; grey: not to be trusted, green: over the range`;
+    $("image-range").textContent = `0 to ${this.image.top.toPrecision(3)} mm/s ${atFrequency(header)}; grey: not to be trusted, green: over the range`;
   }
 
   result(word) {

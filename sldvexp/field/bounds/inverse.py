@@ -9,7 +9,7 @@ each layer, rows are of the inverse of the matrix around the node instead.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,10 +17,11 @@ import numpy as np
 from sldvexp.field.bounds.sparse_inverse_rows import (
     block_rows,
     diagonal_blocks,
-    kronecker_identity,
+    layers_beside,
     sums_of_squares,
     surface_rows,
     volume_rows,
+    with_blocks,
 )
 from sldvexp.field.equations.regions import RegionSamples
 from sldvexp.field.equations.system import NormalEquations
@@ -212,17 +213,17 @@ class CoupledRows(NearRows):
     def _of_view(self, influence: scipy.sparse.bsr_array, variance: Array) -> tuple[Array, Array]:
         """Compute both diagonals of one view."""
         layers, p = len(self.line), influence.blocksize[0]
-        nodes = influence.shape[0] // p // layers
-        along = kronecker_identity(self.line, nodes, p) @ influence
+        beside = layers_beside(influence, layers)
+        along = with_blocks(beside, beside.data @ self.line.T)
         covariance, fitted = np.empty((layers, len(self.own), p, p)), np.zeros(p)
-        for layer in range(layers):
-            k = self.surface @ block_rows(along, layer * nodes + np.arange(nodes))
-            covariance[layer] = diagonal_blocks(k, variance)
-            own = block_rows(influence, layer * nodes + self.own)
-            fitted += (k.multiply(own) @ variance).reshape(-1, p).sum(axis=0)
+        for some in _parts(len(self.own)):
+            k = block_rows(self.surface, some) @ along
+            covariance[:, some] = diagonal_blocks(k, variance)
+            fitted += _of_both(k, block_rows(beside, self.own[some]), variance).sum(axis=1)
         covariance = self.turn @ covariance @ np.swapaxes(self.turn, 2, 3)
-        exact = diagonal_blocks(self.volume @ influence, variance)
-        covariance[:, self.odd] = exact.reshape(layers, len(self.odd), p, p)
+        if len(self.odd):
+            exact = diagonal_blocks(self.volume @ influence, variance)[0]
+            covariance[:, self.odd] = exact.reshape(layers, len(self.odd), p, p)
         return np.diagonal(covariance, axis1=2, axis2=3), fitted
 
 
@@ -243,17 +244,39 @@ class ScalarRows(NearRows):
     def _of_view(self, influence: scipy.sparse.bsr_array, variance: Array) -> tuple[Array, Array]:
         """Compute both diagonals of one view, a node's influences being a row of (1, p) blocks."""
         layers, p = len(self.line), influence.blocksize[0]
-        nodes, pixels = influence.shape[0] // p // layers, influence.shape[1]
-        entries = influence.data.reshape(-1, 1, p), influence.indices, influence.indptr
-        flat = scipy.sparse.bsr_array(entries, shape=(layers * nodes, pixels * p))
-        along = kronecker_identity(self.line, nodes, 1) @ flat
+        beside = layers_beside(influence, layers)
+        along = with_blocks(beside, (beside.data @ self.line.T).reshape(-1, 1, p * layers))
+        beside = with_blocks(beside, beside.data.reshape(-1, 1, p * layers))
         nodal, fitted = np.empty((layers, len(self.own), p)), np.zeros(p)
-        for layer in range(layers):
-            k = self.surface @ block_rows(along, layer * nodes + np.arange(nodes))
-            nodal[layer] = sums_of_squares(k, variance)
-            both = k.multiply(block_rows(flat, layer * nodes + self.own))
-            fitted += variance[both.indices] @ both.data[:, 0]
+        for some in _parts(len(self.own)):
+            k = block_rows(self.surface, some) @ along
+            squares = sums_of_squares(k, variance).reshape(-1, p, layers)
+            nodal[:, some] = np.moveaxis(squares, 2, 0)
+            both = _of_both(k, block_rows(beside, self.own[some]), variance)
+            fitted += both.reshape(p, layers).sum(axis=1)
         nodal *= self.turn[..., 0] ** 2
-        exact = sums_of_squares(self.volume @ flat, variance)
-        nodal[:, self.odd] = exact.reshape(layers, len(self.odd), p)
+        if len(self.odd):
+            flat = scipy.sparse.bsr_array(
+                (influence.data.reshape(-1, 1, p), influence.indices, influence.indptr),
+                shape=(influence.shape[0] // p, influence.shape[1] * p),
+            )
+            exact = sums_of_squares(self.volume @ flat, variance)
+            nodal[:, self.odd] = exact.reshape(layers, len(self.odd), p)
         return nodal, fitted
+
+
+#: Nodes whose rows of K are in memory at once, so that they stay in the cache.
+NODES_AT_ONCE = 256
+
+
+def _parts(count: int) -> Iterator[IndexArray]:
+    """Go through this many nodes, some at a time."""
+    for first in range(0, count, NODES_AT_ONCE):
+        yield np.arange(first, min(first + NODES_AT_ONCE, count))
+
+
+def _of_both(k: scipy.sparse.bsr_array, r: scipy.sparse.bsr_array, weight: Array) -> Array:
+    """Sum ``w_j k_ij r_ij`` over rows and columns, in the shape of a block."""
+    both = k.multiply(r)
+    total: Array = np.tensordot(weight[both.indices], both.data, axes=1)
+    return total

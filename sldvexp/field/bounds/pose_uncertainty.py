@@ -113,12 +113,15 @@ class PoseEffect:
         if not nothing_left:
             balance = at.pointwise.weight.times(v - at.pointwise.design @ u)
         for k, change in self.changes(part, u):
-            side = at.estimator[:, :, k, None, None] * change[:, None]
+            side = at.estimator[:, :, k, None] * change.reshape(count, 1, -1)
             if not nothing_left:
                 turn = _turn(part, k)
                 if at.inverse is not None:
                     turn = at.information * at.inverse[:, :, :3] @ turn
-                side[:, : turn.shape[1]] += turn[..., None] * balance[:, k, None, None]
+                for column, left in enumerate(balance[:, k].T):
+                    side[:, : turn.shape[1], column :: len(balance[0, k])] += (
+                        left[:, None, None] * turn
+                    )
             found[:, :, :, k] = part.patch.to_nodes(side.reshape(count, -1)).reshape(*shape, -1)
         return found.reshape(*shape, -1)
 

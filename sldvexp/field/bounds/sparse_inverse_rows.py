@@ -9,8 +9,11 @@ Matrices are sparse, of small blocks; some operations on these that scipy lacks 
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 
+from sldvexp.field.equations.elements import Graph
 from sldvexp.field.equations.system import HOLD, PAIRS, NormalEquations
 from sldvexp.field.solvers.kronecker import factorised, solved
 from sldvexp.lazy import scipy
@@ -47,9 +50,7 @@ def surface_rows(
     bsr_array, shape (surface_node * block, surface_node * block)
     """
     nodes, block = system.graph.nodes, system.block
-    neighbours = system.graph.neighbours
-    reach = within(neighbours, rings)
-    colour = colours(within(neighbours, 2 * rings))
+    reach, colour, last = _reach(system.graph, rings)
     row = np.repeat(np.arange(nodes), np.diff(reach.indptr))
     data = np.empty((reach.nnz, block, block))
     for first in range(0, int(colour.max()) + 1, COLOURS_AT_ONCE):
@@ -60,17 +61,26 @@ def surface_rows(
         entry = np.flatnonzero(np.isin(row, some))
         found = columns[reach.indices[entry], :, colour[row[entry]] - first]
         data[entry] = np.swapaxes(found, 1, 2)
-    last = _last_ring(reach, within(neighbours, rings - 1), row)
     _close(data, row, np.asarray(reach.indices, np.intp), last, system.surface_sums)
     size = nodes * block
     return scipy.sparse.bsr_array((data, reach.indices, reach.indptr), shape=(size, size))
 
 
-def _last_ring(
-    reach: scipy.sparse.csr_array, inner: scipy.sparse.csr_array, row: IndexArray
-) -> BoolArray:
+@lru_cache(maxsize=1)
+def _reach(graph: Graph, rings: int) -> tuple[scipy.sparse.csr_array, IndexArray, BoolArray]:
+    """Find how far rows of all nodes reach, their colours, and entries of their last ring.
+
+    A method's system and that of the least variance have one graph.
+    """
+    reach = within(graph.neighbours, rings)
+    colour = colours(within(graph.neighbours, 2 * rings))
+    return reach, colour, _last_ring(reach, within(graph.neighbours, rings - 1))
+
+
+def _last_ring(reach: scipy.sparse.csr_array, inner: scipy.sparse.csr_array) -> BoolArray:
     """Mark entries of `reach` that are not of `inner`; all, if there are no others."""
     nodes = reach.shape[0]
+    row = np.repeat(np.arange(nodes), np.diff(reach.indptr))
     key = row * nodes + reach.indices
     inner_row = np.repeat(np.arange(nodes), np.diff(inner.indptr))
     last = ~np.isin(key, inner_row * nodes + inner.indices)
@@ -221,24 +231,22 @@ def block_rows(matrix: scipy.sparse.bsr_array, rows: IndexArray) -> scipy.sparse
 
 
 def diagonal_blocks(matrix: scipy.sparse.bsr_array, weight: Array) -> Array:
-    """Compute the blocks on the diagonal of ``A W A^T``, shape (row, p, p), A of (p, 1) blocks.
+    """Compute the blocks on the diagonals of ``A_l W A_l^T``, shape (l, row, p, p).
 
     Parameters
     ----------
-    matrix : bsr_array, shape (row * p, column)
+    matrix : bsr_array
+        In blocks (p, l): column l of each is of the matrix A_l.
     weight : ndarray, shape (column,)
         The diagonal matrix W.
     """
-    p = matrix.blocksize[0]
-    rows = matrix.shape[0] // p
-    found = np.empty((rows, p, p))
+    _, p, count = matrix.data.shape
+    sums = _weighted_sums(matrix, weight)
+    found = np.empty((count, sums.shape[0], p, p))
     for i in range(p):
         for j in range(i + 1):
-            product = matrix.data[:, i, 0] * matrix.data[:, j, 0]
-            square = scipy.sparse.csr_array(
-                (product, matrix.indices, matrix.indptr), (rows, matrix.shape[1])
-            )
-            found[:, i, j] = found[:, j, i] = square @ weight
+            of_both = sums @ (matrix.data[:, i] * matrix.data[:, j])
+            found[:, :, i, j] = found[:, :, j, i] = of_both.T
     return found
 
 
@@ -250,21 +258,42 @@ def sums_of_squares(matrix: scipy.sparse.bsr_array, weight: Array) -> Array:
     matrix : bsr_array, shape (row, column * p)
     weight : ndarray, shape (column,)
     """
-    squares = matrix.data[:, 0] ** 2
-    shape = len(matrix.indptr) - 1, len(weight)
-    each = [
-        scipy.sparse.csr_array((np.ascontiguousarray(of), matrix.indices, matrix.indptr), shape)
-        for of in squares.T
-    ]
-    return np.stack([square @ weight for square in each], axis=1)
+    squares: Array = _weighted_sums(matrix, weight) @ np.square(matrix.data[:, 0])
+    return squares
 
 
-def kronecker_identity(line: Array, nodes: int, block: int) -> scipy.sparse.bsr_array:
-    """Make ``line (x) I``, shape (layer * node * block,) * 2, in blocks of that size."""
-    layers = len(line)
-    data = np.broadcast_to(line[:, None, :], (layers, nodes, layers)).reshape(-1, 1, 1)
-    columns = np.arange(nodes)[:, None] + nodes * np.arange(layers)
-    indices = np.broadcast_to(columns, (layers, nodes, layers)).ravel()
-    indptr = layers * np.arange(layers * nodes + 1)
-    size = layers * nodes * block
-    return scipy.sparse.bsr_array((data * np.eye(block), indices, indptr), shape=(size, size))
+def _weighted_sums(matrix: scipy.sparse.bsr_array, weight: Array) -> scipy.sparse.csr_array:
+    """Make the matrix that sums over a row's blocks, weighted as their columns are."""
+    blocks = len(matrix.indices)
+    entries = weight[matrix.indices], np.arange(blocks), matrix.indptr
+    return scipy.sparse.csr_array(entries, shape=(len(matrix.indptr) - 1, blocks))
+
+
+def with_blocks(matrix: scipy.sparse.bsr_array, blocks: Array) -> scipy.sparse.bsr_array:
+    """Put other blocks into the places of a matrix."""
+    rows, columns = len(matrix.indptr) - 1, matrix.shape[1] // matrix.blocksize[1]
+    shape = rows * blocks.shape[1], columns * blocks.shape[2]
+    return scipy.sparse.bsr_array((blocks, matrix.indices, matrix.indptr), shape=shape)
+
+
+def layers_beside(influence: scipy.sparse.bsr_array, layers: int) -> scipy.sparse.bsr_array:
+    """Put the layers of a node beside one another, since they see nearly the same pixels.
+
+    Parameters
+    ----------
+    influence : bsr_array, shape (layer * node * p, pixel), blocks (p, 1)
+
+    Returns
+    -------
+    bsr_array, shape (node * p, pixel * layer), blocks (p, layer)
+    """
+    p, pixels = influence.blocksize[0], influence.shape[1]
+    nodes = influence.shape[0] // p // layers
+    row = np.repeat(np.arange(layers * nodes), np.diff(influence.indptr))
+    layer, node = np.divmod(row, nodes)
+    place, block = np.unique(node * pixels + influence.indices, return_inverse=True)
+    data = np.zeros((len(place), p, layers))
+    data[block, :, layer] = influence.data[..., 0]
+    start = np.searchsorted(place, pixels * np.arange(nodes + 1))
+    shape = nodes * p, pixels * layers
+    return scipy.sparse.bsr_array((data, place % pixels, start), shape=shape)

@@ -133,15 +133,15 @@ class Patch:
 
     @cached_property
     def transposed(self) -> scipy.sparse.csr_array:
-        """``B^T``, shape (node, sample), whose data says where `shape` has the entry."""
+        """``B^T``, shape (node, sample)."""
         gaps, triangles, points = self.sample_shape
         step = len(self.nodes) * np.arange(gaps)[:, None, None]
         element = step + np.concatenate([self.corner, self.corner + len(self.nodes)], axis=1)
         samples = gaps * triangles * points
         columns = np.repeat(element.reshape(-1, 6), points, axis=0).ravel().astype(np.int32)
-        where = np.tile(np.arange(6 * points, dtype=np.int32), gaps * triangles)
+        values = np.tile(self.shape.ravel(), gaps * triangles)
         rows = np.arange(0, 6 * samples + 1, 6, dtype=np.int32)
-        matrix = scipy.sparse.csr_array((where, columns, rows), shape=(samples, self.count))
+        matrix = scipy.sparse.csr_array((values, columns, rows), shape=(samples, self.count))
         return matrix.T.tocsr()
 
 
@@ -161,13 +161,13 @@ def influence(
     -------
     bsr_array, shape (node * parameter, pixel), blocks (parameter, 1)
     """
-    basis = patch.transposed
-    parameters = estimator.shape[1]
-    data = patch.shape.ravel()[basis.data, None] * estimator[basis.indices]
-    shape = (patch.count * parameters, len(estimator))
+    parameters, pixels = estimator.shape[1], weights.shape[1]
+    shape = patch.count * parameters, pixels
     if not estimator.any():  # the rows leave this view out
-        return scipy.sparse.bsr_array((shape[0], weights.shape[1]), blocksize=(parameters, 1))
-    return (
-        scipy.sparse.bsr_array((data[..., None], basis.indices, basis.indptr), shape=shape)
-        @ weights
-    )
+        return scipy.sparse.bsr_array(shape, blocksize=(parameters, 1))
+    of_entries = np.repeat(estimator, np.diff(weights.indptr), axis=0) * weights.data[:, None]
+    entries = of_entries[:, None], weights.indices, weights.indptr
+    weighted = scipy.sparse.bsr_array(entries, shape=(len(estimator), pixels * parameters))
+    sums = scipy.sparse.bsr_array(patch.transposed, blocksize=(1, 1)) @ weighted
+    blocks = sums.data.reshape(-1, parameters, 1)
+    return scipy.sparse.bsr_array((blocks, sums.indices, sums.indptr), shape=shape)

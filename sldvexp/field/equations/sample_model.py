@@ -8,7 +8,7 @@ N^-1 T v``, and fits the field to these vectors; the others fit it to all rows t
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sldvexp.errors import UserError
-from sldvexp.field.visibility.projection import ViewSamples
+from sldvexp.field.visibility.projection import CYCLES, ViewSamples
 from sldvexp.field.visibility.view import View
 from sldvexp.field.visibility.visibility import SampleVisibility, VolumeVisibility
 from sldvexp.reconstruction import Model, Reconstruction, RowSet, Weights
@@ -25,6 +25,8 @@ from sldvexp.typing import Array, BoolArray, IndexArray
 
 #: Fewest rows that make a sample worth keeping.
 FEWEST_ROWS = 2
+#: Components of a velocity.
+AXES = len(CYCLES)
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,8 +52,11 @@ class RowWeights:
 
     def times(self, x: Array) -> Array:
         """Multiply Q by vectors, shape (sample, view, column)."""
-        of_factor = np.swapaxes(self.factor * self.sign[:, None, None], 1, 2) @ (self.factor @ x)
-        return self.diagonal[..., None] * x + of_factor
+        # As arrays of their own, transposed matrices are multiplied three times as fast.
+        transposed = np.ascontiguousarray(np.swapaxes(self.factor, 1, 2))
+        of_factor = transposed @ (self.sign[:, None, None] * (self.factor @ x))
+        of_factor += self.diagonal[..., None] * x
+        return of_factor
 
     def of_views(self, j: int, k: int) -> Array:
         """Take an entry of Q, shape (sample,)."""
@@ -89,15 +94,15 @@ class SampleLeastSquares:
         """Samples that have a part in the field, shape (sample,)."""
         return self.rows > 0
 
+    @cached_property
+    def estimator(self) -> Array:
+        """Matrix T, shape (sample, parameter, view)."""
+        return np.ascontiguousarray(np.swapaxes(self.weight.times(self.design), 1, 2))
+
     @property
     def information(self) -> Array:
         """Matrix N, shape (sample, parameter, parameter)."""
         return self.estimator @ self.design
-
-    @property
-    def estimator(self) -> Array:
-        """Matrix T, shape (sample, parameter, view)."""
-        return np.swapaxes(self.weight.times(self.design), 1, 2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,9 +156,7 @@ class RowModel:
         samples, views = valid.shape
         rank, rows = np.zeros(samples, int), np.zeros(samples, int)
         found: list[tuple[IndexArray, RowWeights]] = []
-        patterns, code = np.unique(valid, axis=0, return_inverse=True)
-        for k, pattern in enumerate(patterns):
-            here = np.flatnonzero(code == k)
+        for pattern, here in _patterns(valid):
             left = self._rows_of(pattern)
             if len(left) < FEWEST_ROWS:
                 continue
@@ -211,6 +214,20 @@ class RowModel:
         scaled = unseen * inverse[:, None]
         factor = np.linalg.solve(np.linalg.cholesky(scaled @ unseen.T), scaled)
         return RowWeights(inverse, factor, -sign)
+
+
+def _patterns(valid: BoolArray) -> Iterator[tuple[BoolArray, IndexArray]]:
+    """Go through the sets of views that see samples, with the samples that each set sees.
+
+    Eight views are one number; a few of these numbers, put in order, number the sets so far.
+    """
+    code = np.zeros(len(valid), np.intp)
+    for eight in np.packbits(valid, axis=1).T:
+        _, code = np.unique(256 * code + eight, return_inverse=True)
+    order = np.argsort(code, kind="stable")
+    ends = np.cumsum(np.bincount(code))
+    for here in np.split(order, ends[:-1]):
+        yield valid[here[0]], here
 
 
 def _joined(parts: list[tuple[IndexArray, RowWeights]], shape: tuple[int, int]) -> RowWeights:
@@ -359,11 +376,13 @@ class FieldModel:
         inverse, solution = _solutions(pointwise)
         weight = pointwise.kept.astype(float)
         if self.generalised:
-            weight *= self._weights(directions, _variance(solution, relative))
+            weight *= self._weights(directions, samples.valid, solution, relative)
         weight = weight[:, None, None]
         return SampleContributions(pointwise, weight, weight * solution, inverse, std)
 
-    def _weights(self, directions: Array, variance: Array) -> Array:
+    def _weights(
+        self, directions: Array, valid: BoolArray, solution: Array, relative: Array
+    ) -> Array:
         """Weigh samples by the inverse of their variance, shape (sample,).
 
         It is that over what the same rows had there if all views saw the sample, each with its
@@ -371,10 +390,14 @@ class FieldModel:
         stays a Kronecker product.
         """
         std = np.array([np.sqrt(np.mean(s[s > 0] ** 2)) for s in self.pixel_std])
-        shape = directions.shape[:2]
-        relative = np.broadcast_to(std / np.sqrt(self.variance), shape)
-        by_all = self.row_model.at(directions, np.ones(shape, bool), relative)
-        usual = _variance(_solutions(by_all)[1], relative)
+        mean = np.broadcast_to(std / np.sqrt(self.variance), valid.shape)
+        variance, usual = _variance(solution, relative), _variance(solution, mean)
+        # Seen by all and rows all alike: its own solution is the one by all.
+        others = np.ones(len(valid), bool) if self.row_model.generalised else ~valid.all(axis=1)
+        if others.any():
+            seen = np.ones_like(valid[others])
+            by_all = self.row_model.at(directions[others], seen, mean[others])
+            usual[others] = _variance(_solutions(by_all)[1], mean[others])
         ratio = np.divide(
             usual, variance, out=np.ones_like(usual), where=(usual > 0) & (variance > 0)
         )
@@ -405,13 +428,30 @@ def _solutions(pointwise: SampleLeastSquares) -> tuple[Array, Array]:
     """Solve each sample by itself: the inverse of N, and H of ``u = H v``; 0 where not kept."""
     kept, parameters = pointwise.kept, pointwise.design.shape[2]
     inverse = np.zeros((len(kept), parameters, parameters))
-    inverse[kept] = np.linalg.inv(pointwise.information[kept])
+    inverse[kept] = _inverse(pointwise.information[kept])
     return inverse, inverse @ pointwise.estimator
+
+
+def _inverse(matrices: Array) -> Array:
+    """Invert symmetric matrices: of three rows a, b, c by ``b x c, c x a, a x b`` over ``|a b c|``.
+
+    Element by element over all of them that is ten times as fast as LAPACK, one after the other.
+    """
+    if matrices.shape[-1] != AXES:
+        return np.asarray(np.linalg.inv(matrices), float)
+    m = np.moveaxis(matrices, 0, -1).copy()
+    inverse = np.empty_like(m)
+    for i, j, k in CYCLES:
+        for p, q, r in CYCLES:
+            inverse[p, i] = m[j, q] * m[k, r] - m[j, r] * m[k, q]
+    inverse /= sum(m[0, p] * inverse[p, 0] for p in range(AXES))
+    return np.ascontiguousarray(np.moveaxis(inverse, -1, 0))
 
 
 def _variance(solution: Array, std: Array) -> Array:
     """Average the variance of a sample's components, shape (sample,)."""
-    return np.einsum("spk,sk->s", solution[:, :3] ** 2, std**2) / 3
+    squares = np.square(solution[:, :AXES]).sum(axis=1)
+    return np.einsum("sk,sk->s", squares, std**2) / AXES
 
 
 def _pixel_std(view: View) -> Array:

@@ -77,13 +77,15 @@ class Assembly:
         here = information.reshape(gaps, triangles, points, square)
         self.uniform = self.uniform and self._same_at_all_depths(here)
         coefficients = gap_coefficients(self.rule).reshape(-1, points)
-        each = np.tensordot(coefficients, here, axes=(1, 2)).reshape(3, 9, gaps, triangles, square)
-        each = each.transpose(2, 0, 3, 1, 4).reshape(gaps, 3, triangles * 9, square)
         place, which = np.unique(self.graph.place[patch.triangles], return_inverse=True)
-        order = np.argsort(which, axis=None, kind="stable")
-        start = np.searchsorted(which.ravel()[order], np.arange(len(place)))
-        sums = np.add.reduceat(each[:, :, order], start, axis=2)
-        self.pairs[:, :, place] += sums.reshape(*sums.shape[:3], self.block, self.block)
+        corners = which.reshape(triangles, 9).T.ravel()  # (corner, corner, triangle)
+        entries = np.ones(len(corners)), (corners, np.arange(len(corners)))
+        at_entries = scipy.sparse.csr_array(entries, shape=(len(place), len(corners)))
+        for gap in range(gaps):
+            each = np.tensordot(coefficients, here[gap], axes=(1, 1))
+            for pair, blocks in enumerate(each.reshape(3, 9 * triangles, square)):
+                sums = (at_entries @ blocks).reshape(-1, self.block, self.block)
+                self.pairs[gap, pair, place] += sums
 
     def _same_at_all_depths(self, information: Array) -> bool:
         gaps, triangles, _, square = information.shape

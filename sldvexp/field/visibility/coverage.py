@@ -55,8 +55,10 @@ class Coverage:
     @classmethod
     def from_view(cls, view: View, found: ViewSamples) -> Self:
         """Count what is seen and lost of one block."""
-        dac = found.dac[np.isfinite(found.dac).all(axis=1)]
-        low, high = (dac.min(axis=0), dac.max(axis=0)) if len(dac) else np.full((2, 2), np.nan)
+        low, high = (
+            np.array([extreme.reduce(steps, initial=np.nan) for steps in found.dac.T])
+            for extreme in (np.fmin, np.fmax)
+        )
         return cls(view, len(found.valid), int(found.valid.sum()), dict(found.lost), low, high)
 
     def __add__(self, other: Coverage) -> Coverage:

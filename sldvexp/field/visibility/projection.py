@@ -22,7 +22,7 @@ from numpy.polynomial import polynomial
 
 from sldvexp.errors import UserError
 from sldvexp.field.visibility.view import View
-from sldvexp.geometry import Bins, skew
+from sldvexp.geometry import Bins
 from sldvexp.image import Interpolation, Interpolator
 from sldvexp.laser import MIRRORS, TwoMirror, direction_cosines, project, project_jacobian
 from sldvexp.lazy import scipy
@@ -30,6 +30,9 @@ from sldvexp.typing import Array, BoolArray, ComplexArray, IndexArray
 
 #: Steepest accepted angle between the surface's normal and the direction to the instrument, rad.
 GRAZING = np.radians(75.0)
+
+#: Each axis with the other two after it.
+CYCLES = ((0, 1, 2), (1, 2, 0), (2, 0, 1))
 
 BEHIND = "behind the instrument"
 OFF_BOARD = "off the board"
@@ -200,7 +203,8 @@ def sight(view: View, laser: TwoMirror, points: Array) -> ProjectedPoints:
     angles = project(in_laser, laser.mirror_offset)
     low, high = laser.reach
     behind = in_laser[:, 2] <= 0
-    off_board = ~behind & ((angles < low) | (angles > high)).any(axis=1)
+    beyond = (angles < low) | (angles > high)
+    off_board = ~behind & (beyond[:, 0] | beyond[:, 1])
     dac = laser.dac_from_angle(np.clip(angles, low, high))
     dac[behind | off_board] = np.nan
     return ProjectedPoints(dac, behind, off_board, direction_cosines(angles) @ view.rotation)
@@ -215,22 +219,32 @@ def pose_derivative(view: View, laser: TwoMirror, points: Array, dac: Array) -> 
     """Differentiate image points and directions by the pose; see `ViewSamples.pose_derivative`.
 
     A small rotation w and a displacement t of the origin move a point in the laser frame by
-    ``w x P - R t``. With the beam's direction d in the laser frame, ``D = -R' d`` changes by
-    ``R' (w x d) - R' dd/dP (w x P - R t)``.
+    ``w x P - R t`` and an angle of slope a there by ``w . (P x a) - t . R' a``. With the beam's
+    direction d in the laser frame, ``D = -R' d`` changes by ``R' (w x d - dd/da da)``.
     """
     laser = view.laser(laser)
-    known = np.asarray(np.isfinite(dac).all(axis=1))[:, None, None]
-    steps = np.where(known[:, 0], dac, 0.0)
+    known = _known(dac)
     in_laser = to_laser(view, points)
     by_point, _ = project_jacobian(in_laser, laser.mirror_offset)
-    turned = -np.broadcast_to(view.rotation, (len(points), 3, 3))
-    moved = np.concatenate([-skew(in_laser), turned], axis=2)
-    angle_by_pose = by_point @ moved
     direction, by_angle = beam(project(in_laser, laser.mirror_offset))
-    spun = np.concatenate([skew(direction), np.zeros_like(turned)], axis=2)
-    dac_by_pose = angle_by_pose / angle_slope(laser, steps)[:, :, None]
-    by_pose = -view.rotation.T @ (spun + by_angle @ angle_by_pose)
-    return np.where(known, dac_by_pose, 0.0), np.where(known, by_pose, 0.0)
+    by_step = angle_slope(laser, np.where(known[:, None], dac, 0.0))
+    p, d, samples = in_laser.T, direction.T, len(points)
+    angle, turned = np.empty((2, 6, samples)), np.empty((3, 6, samples))
+    for i, a in enumerate(np.moveaxis(by_point, 0, -1)):
+        for j, k, m in CYCLES:
+            angle[i, j] = p[k] * a[m] - p[m] * a[k]
+        angle[i, 3:] = -view.rotation.T @ a
+    for i in range(3):
+        turned[i] = by_angle[:, i, 0] * angle[0] + by_angle[:, i, 1] * angle[1]
+    for j, k, m in CYCLES:
+        turned[k, j] += d[m]
+        turned[m, j] -= d[k]
+    by_pose = (-view.rotation.T @ turned.reshape(3, -1)).reshape(turned.shape)
+    each = angle / by_step.T[:, None], by_pose
+    dac_by_pose, directions_by_pose = (
+        np.moveaxis(np.where(known, e, 0.0), -1, 0).copy() for e in each
+    )
+    return dac_by_pose, directions_by_pose
 
 
 def pose_change(
@@ -255,7 +269,7 @@ def pose_change(
         By the rotation vector w and the origin t; 0 where `dac` is NaN.
     """
     laser = view.laser(laser)
-    known = np.asarray(np.isfinite(dac).all(axis=1))
+    known = _known(dac)
     in_laser = to_laser(view, points)
     by_point, _ = project_jacobian(in_laser, laser.mirror_offset)
     direction, by_angle = beam(project(in_laser, laser.mirror_offset))
@@ -268,11 +282,16 @@ def pose_change(
     g = [by_point[:, 0, j, None] * f[0] + by_point[:, 1, j, None] * f[1] for j in range(3)]
     p, d = in_laser.T[..., None], direction.T[..., None]
     change = np.empty((len(points), 6, slope.shape[2]))
-    for j, k, m in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+    for j, k, m in CYCLES:
         change[:, j] = p[k] * g[m] - p[m] * g[k] - d[k] * c[m] + d[m] * c[k]
         change[:, 3 + j] = -sum(view.rotation[i, j] * g[i] for i in range(3))
     change[~known] = 0.0
     return change
+
+
+def _known(dac: Array) -> BoolArray:
+    """Tell which points have an image point."""
+    return np.asarray(np.isfinite(dac[:, 0]) & np.isfinite(dac[:, 1]))
 
 
 def beam(angles: Array) -> tuple[Array, Array]:

@@ -99,7 +99,7 @@ def read_csv(path: Path, unit: VelocityUnit | None, layout: FileLayout = OWN) ->
     factor = units.velocity or UNSTATED_VELOCITY.value
     hertz = units.frequency or UNSTATED_FREQUENCY
     columns = {c: _checked(table, c, layout, questions) for c in table.header}
-    keys = {c: columns[c] for c in ORDER if c in columns}
+    keys = {c: list(columns[c]) for c in ORDER if c in columns}
     labels, shape, where = _cells(table, keys, layout, questions)
     texts = ((f", line {line}", text) for line, text in table.comments)
     odd = compare_texts(texts, unit, units, layout, path, questions)
@@ -290,7 +290,9 @@ def _ask_the_rest(
             _ask_incomplete(f"{at}: {column} has no number", table.path, questions)
 
 
-def _checked(table: TextTable, column: str, layout: FileLayout, questions: Questions) -> list[Any]:
+def _checked(
+    table: TextTable, column: str, layout: FileLayout, questions: Questions
+) -> list[str] | Array:
     """Read a column of names or of numbers; NaN where a value is missing.
 
     Raises
@@ -306,17 +308,21 @@ def _checked(table: TextTable, column: str, layout: FileLayout, questions: Quest
         least, right = LEAST.get(column, (-np.inf, "must be a finite number"))
         values = table.floats(column)
         known = np.isfinite(values) & (values >= least)
-        empty = [column in VALUES and cell.lower() in MISSING for cell in cells]
-        values = np.where(empty, np.nan, values)
-        bad = (~known & ~np.array(empty, bool)).tolist()
-        if True in empty and not layout.gaps:
-            row = empty.index(True)
+        empty = [
+            int(row)
+            for row in np.flatnonzero(np.isnan(values))
+            if column in VALUES and cells[row].lower() in MISSING
+        ]
+        known[empty] = True
+        bad = (~known).tolist()
+        if empty and not layout.gaps:
+            row = empty[0]
             message = f"{table.where(row)}: {column} {right}, not {cells[row]!r}"
             _ask_incomplete(message, table.path, questions)
     if True in bad:
         row = bad.index(True)
         raise UserError(f"{table.where(row)}: {column} {right}, not {cells[row]!r}")
-    return cells if column in ("view", "point") else values.tolist()
+    return cells if column in ("view", "point") else values
 
 
 def _ask_incomplete(message: str, path: Path, questions: Questions) -> None:

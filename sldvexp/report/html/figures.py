@@ -50,6 +50,8 @@ PARTS: dict[str, dict[str, str]] = {
     "model": {
         "model_shapes": "Lines of equal motion of the model with the measured pixels of all views "
         "over them, mode by mode; below, what the model leaves of these.",
+        "model_criteria": "What CoMAC and FRAC of the pixels, and CSAC of the lines, are short of "
+        "one, beside what noise alone makes them short of: 1 where nothing else is left.",
     },
     "strain": {
         "hot_spots": "The largest extension of a cycle with its direction where it is known, von "

@@ -16,6 +16,7 @@ from sldvexp.report.html.blocks import Beside, HtmlTable, Listing, Section, Shap
 from sldvexp.report.html.figures import figures
 from sldvexp.report.html.shape import shape_of_points
 from sldvexp.report.modal_tables import (
+    criteria_table,
     level_factor,
     mode_table,
     model_sentences,
@@ -59,12 +60,27 @@ def model_section(run: RunData) -> Section | None:
             Text(f"The model is {verdict}.", tone),
             HtmlTable.from_table(model_table(model)),
             Text(note, "small"),
+            *_criteria(run),
             _adjusted(model),
             Listing(model_sentences(run)),
             _shapes_beside(run),
             figures(run, "model"),
         ),
     )
+
+
+def _criteria(run: RunData) -> list[HtmlTable | Text]:
+    """Show CoMAC, FRAC and CSAC, and how they are read."""
+    table = criteria_table(run)
+    if table is None:
+        return []
+    told = (
+        "Beside each criterion stands what noise alone leaves of it: where little moves that is "
+        "low of a right model too. The worst is the farthest below it, in standard deviations. "
+        "Wrong frequencies lower FRAC and CSAC around the resonances, and motion of other modes "
+        "between."
+    )
+    return [HtmlTable.from_table(table), Text(told, "small")]
 
 
 def _adjusted(model: xr.Dataset) -> HtmlTable | None:

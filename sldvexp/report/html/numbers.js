@@ -35,9 +35,9 @@ const readNumbers = async (data, nodes) => {
   };
   const position = floats(data.position), normal = floats(data.normal);
   const deep = (depth) => position.map((x, i) => x + depth * normal[i % normal.length]);
-  const others = (data.layers || []).map(async (own) => ({ ...await velocities(own), position: deep(own.depth) }));
+  const others = (data.layers || []).map(async (own) => ({ ...await velocities(own), position: deep(own.depth), first: own.first }));
   return {
-    layers: [{ ...await velocities(data), position }, ...await Promise.all(others)],
+    layers: [{ ...await velocities(data), position, first: data.first }, ...await Promise.all(others)],
     colourings: await Promise.all((data.colourings || []).map(colouring)),
   };
 };

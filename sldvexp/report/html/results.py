@@ -297,8 +297,7 @@ def lines_shape(run: RunData, name: str, taken: int = 0) -> list[Any]:
     else:
         return []
     if data is None:
-        told = "The surface has too many nodes for a page; other programs can turn it."
-        return [Text(told, "small")]
+        return []
     return [Shape(data, name), Text(note + _notes_of(data), "small")]
 
 
@@ -312,6 +311,11 @@ def _notes_of(data: dict[str, Any]) -> str:
     if data["colourings"]:
         note += " Colours of strains are those of the drawn surface, as if it were displaced."
     note += " Black crosses: not determined."
+    if few := data["few"]:
+        note += (
+            f" Drawn are {len(few['nodes'])} of {few['of']} nodes; each stands for those around "
+            f"it, whose velocity is at most {few['off']} from its own."
+        )
     if data["rounded"]:
         note += f" Velocities here are rounded to {packing.SHARE / 2:.0%} of their bounds."
     if data["left_out"]:

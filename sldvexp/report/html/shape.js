@@ -226,7 +226,14 @@ const showShape = async (root) => {
       `V_${data.components[c]} ${three(amplitude(c, state.node - 1))}${give_or_take(bounds(c, state.node - 1))}`)
       .join(", ") + " " + unit + "." : "";
   };
-  const called = (n) => data.names ? data.names[n] : String(n + 1);
+  // Nodes count from 0 over the whole volume, points from 1.
+  const first = () => data.names ? 1 : layers[state.layer].first || 0;
+  // Of few nodes that are drawn for all, each has the number that it has among these.
+  const few = data.names ? null : data.few;
+  const among = (n) => first() + (few ? few.nodes[n] : n);
+  const called = (n) => data.names ? data.names[n] : String(among(n));
+  const number = (one) => one ? String(among(one - 1)) : "";
+  const drawn = (n) => few ? few.nodes.findIndex((one) => one >= n) : n;
 
   // The largest amplitude of the surface, or that of the picked node with its bound, by frequency --
   const hertz = data.frequencies;
@@ -352,7 +359,7 @@ const showShape = async (root) => {
   const pick = (n) => {
     if (cutting && n !== null) { end_cut(n); return; }
     state.node = n === null ? 0 : n + 1;
-    control("node").value = state.node || "";
+    control("node").value = number(state.node);
     choose();
   };
   const held = new Map();
@@ -443,16 +450,25 @@ const showShape = async (root) => {
     });
   }
   for (const key of ["node", "from", "to"]) {
-    control(key).max = nodes;
     control(key).addEventListener("input", (event) => {
-      state[key] = Math.max(0, Math.min(nodes, Math.floor(event.target.value) || 0));
+      const { value } = event.target, last = few ? few.nodes[nodes - 1] : nodes - 1;
+      const wanted = Math.max(0, Math.min(last, Math.floor(value) - first()));
+      state[key] = value === "" ? 0 : drawn(wanted) + 1;
       choose();
     });
   }
+  const renumber = () => {
+    for (const key of ["node", "from", "to"]) {
+      [control(key).min, control(key).max] = [among(0), among(nodes - 1)];
+      control(key).value = number(state[key]);
+    }
+  };
+  renumber();
   control("layer").addEventListener("input", (event) => {
     state.layer = Number(event.target.value);
     ({ position, real, imaginary, bound } = layers[state.layer]);
     viewer.put("position", position);
+    renumber();
     choose();
   });
   control("colour").addEventListener("input", (event) => { state.colour = event.target.value; choose(); });
@@ -481,7 +497,7 @@ const showShape = async (root) => {
   };
   const ends = (from, to) => {
     Object.assign(state, { from, to });
-    [control("from").value, control("to").value] = [from || "", to || ""];
+    [control("from").value, control("to").value] = [number(from), number(to)];
     choose();
   };
   const end_cut = (n) => {

@@ -16,12 +16,13 @@ from sldvexp.lazy import xarray as xr
 from sldvexp.plot import style
 from sldvexp.plot.shape import normals
 from sldvexp.report.html import packing
+from sldvexp.report.html.fewer_nodes import FewerNodes, fewer_nodes
 
 FIELD = VARIABLES["field"]
 #: Numbers are rounded beyond so many bytes; of more frequencies than fit, the strongest are kept.
 MOST_BYTES = 1_900_000
-#: A surface of more nodes is nothing for a browser.
-MOST_NODES = 40_000
+#: Of a surface of more nodes some are drawn for all.
+MOST_NODES = 20_000
 BYTES_A_NUMBER = 4 * 4 / 3
 #: Of its depth, by which a layer may be off the surface's normals.
 ALONG = 1e-6
@@ -66,24 +67,33 @@ def shape_of(
         real part, imaginary part and bound (``velocity_unit``) at every node; the components'
         directions, at every node or the same for all, and the surface's normal. Arrays are
         base64 of little-endian float32 and uint16, colour maps of red, green and blue bytes.
-        None if the surface has too many nodes to be drawn.
+        Of a surface with more than `MOST_NODES` some nodes stand for all, see ``few``.
+        None if it has no triangles.
     """
     nodes, triangles, _ = surface_layer(volume)
-    if len(nodes) > MOST_NODES or not len(triangles):
+    if not len(triangles):
         return None
     components = [str(c) for c in field["component"].values]
-    count = len(nodes)
-    return _drawn(
-        field.isel(node=nodes).rename(node="point"),
-        field["position"].values[nodes],
-        triangles=triangles,
-        normal=_directions(["n"], volume),
-        directions=_directions(components, volume),
-        strain=strain if strain is not None and strain.sizes["place"] == count else None,
+    if strain is not None and strain.sizes["place"] != len(nodes):
+        strain = None
+    few = fewer_nodes(field["position"].values[nodes], triangles, MOST_NODES)
+    on_surface = field.isel(node=nodes).rename(node="point")
+    data = _drawn(
+        on_surface.isel(point=few.kept),
+        on_surface["position"].values[few.kept],
+        triangles=few.triangles,
+        normal=_of_nodes(_directions(["n"], volume), few.kept),
+        directions=_of_nodes(_directions(components, volume), few.kept),
+        strain=None if strain is None else strain.isel(place=few.kept),
         pose=pose,
-        layers=_other_layers(field, volume, nodes),
+        layers=[
+            (depth, first, group.isel(point=few.kept))
+            for depth, first, group in _other_layers(field, volume, nodes)
+        ],
         most=MOST_BYTES - taken,
+        first=int(nodes[0]),
     )
+    return data | _few(few, on_surface)
 
 
 def shape_of_points(
@@ -101,22 +111,43 @@ def shape_of_points(
     Returns
     -------
     dict or None
-        As of `shape_of`, with ``lines`` and the points' ``names``. None if there are too many
-        points to be drawn.
+        As of `shape_of`, with ``lines`` and the points' ``names``.
     """
     position, triangles, lines = joined_points(line_of_sight)
-    if len(position) > MOST_NODES:
-        return None
+    few = fewer_nodes(position, triangles, MOST_NODES)
     data = _drawn(
-        point,
-        position,
-        triangles=triangles,
-        normal=normals(position, triangles)[None],
+        point.isel(point=few.kept),
+        position[few.kept],
+        triangles=few.triangles,
+        normal=normals(position, triangles)[None, few.kept],
         directions=np.eye(3)[: point.sizes["component"], None],
         pose=pose,
     )
-    names = [str(name) for name in line_of_sight["point"].values]
-    return data | {"lines": _integers(lines), "names": names}
+    ends = few.stands_in[lines]
+    ends = np.unique(np.sort(ends[ends[:, 0] != ends[:, 1]], axis=1), axis=0)
+    names = [str(name) for name in line_of_sight["point"].values[few.kept]]
+    return data | {"lines": _integers(ends), "names": names} | _few(few, point)
+
+
+def _of_nodes(vectors: NDArray, kept: NDArray) -> NDArray:
+    """Take vectors, shape (component, node or 1, axis), of some nodes."""
+    return vectors if vectors.shape[1] == 1 else vectors[:, kept]
+
+
+def _few(few: FewerNodes, group: xr.Dataset) -> dict[str, Any]:
+    """Tell which nodes are drawn for how many, and how far others are from those drawn for them."""
+    if len(few.kept) == len(few.stands_in):
+        return {"few": None}
+    velocity, _ = _values(group)
+    off = np.abs(velocity - velocity[..., few.kept[few.stands_in]])
+    speed, unit = _scale(np.nanmax(np.abs(velocity), initial=0.0), FIELD["velocity"].units)
+    return {
+        "few": {
+            "nodes": few.kept.tolist(),
+            "of": len(few.stands_in),
+            "off": f"{speed * np.nanmax(off, initial=0.0):.2g} {unit}",
+        }
+    }
 
 
 def stands_of(pose: xr.Dataset, position: NDArray, length: float = 1.0) -> list[dict[str, Any]]:
@@ -159,8 +190,13 @@ def stands_of(pose: xr.Dataset, position: NDArray, length: float = 1.0) -> list[
 
 def _other_layers(
     field: xr.Dataset, volume: xr.Dataset, surface: NDArray
-) -> list[tuple[float, xr.Dataset]]:
-    """Find depth and field of the other layers, if they are the surface moved along its normals."""
+) -> list[tuple[float, int, xr.Dataset]]:
+    """Find the other layers, if they are the surface moved along its normals.
+
+    Returns
+    -------
+    list of (depth, first node, field)
+    """
     found = []
     normal = _directions(["n"], volume)[0]
     place, at = field["position"].values, volume["node_layer"].values
@@ -172,7 +208,8 @@ def _other_layers(
         off = float(depth - volume["depth"].values[given])
         away = place[nodes] - place[surface] - off * normal
         if np.abs(away).max() < ALONG * abs(off):
-            found.append((off, field.isel(node=nodes).rename(node="point")))
+            own = field.isel(node=nodes).rename(node="point")
+            found.append((off, int(nodes[0]), own))
     return found
 
 
@@ -184,10 +221,14 @@ def _drawn(
     directions: NDArray,
     strain: xr.Dataset | None = None,
     pose: xr.Dataset | None = None,
-    layers: Sequence[tuple[float, xr.Dataset]] = (),
+    layers: Sequence[tuple[float, int, xr.Dataset]] = (),
     most: int | None = None,
+    first: int = 0,
 ) -> dict[str, Any]:
-    """Pack velocities of points with their bounds, and how they are drawn."""
+    """Pack velocities of points with their bounds, and how they are drawn.
+
+    Nodes are numbered as in the volume, from `first` on.
+    """
     velocity, bound = _values(group)
     length, length_unit = _scale(np.ptp(position, axis=0).max(), FIELD["position"].units)
     speed, speed_unit = _scale(np.nanmax(np.abs(velocity), initial=0.0), FIELD["velocity"].units)
@@ -201,6 +242,7 @@ def _drawn(
         "frequencies": group["frequency"].values[chosen].tolist() if dims else [None],
         "strongest": int(np.argmax(_sizes(velocity[chosen]))),
         "left_out": len(velocity) - len(chosen),
+        "first": first,
         "length_unit": length_unit,
         "velocity_unit": speed_unit,
         "level": f"{float(group.attrs.get('confidence_level', 0.95)):.0%}",
@@ -243,7 +285,7 @@ def _values(group: xr.Dataset) -> tuple[NDArray, NDArray]:
 
 
 def _packed(
-    layers: Sequence[tuple[float, xr.Dataset]],
+    layers: Sequence[tuple[float, int, xr.Dataset]],
     frequencies: NDArray,
     length: float,
     length_unit: str,
@@ -252,10 +294,11 @@ def _packed(
 ) -> Iterator[dict[str, Any]]:
     """Round the other layers, if there is room for all of them."""
     packed = []
-    for depth, group in layers:
+    for depth, first, group in layers:
         velocity, bound = (speed * part[frequencies] for part in _values(group))
         text = f"{abs(length * depth):.3g} {length_unit} {'above' if depth > 0 else 'below'}"
-        own = {"text": text, "depth": length * depth, **_written(velocity, bound, rounded=True)}
+        own = {"text": text, "depth": length * depth, "first": first}
+        own |= _written(velocity, bound, rounded=True)
         room -= size_of(own)
         if room < 0:
             return

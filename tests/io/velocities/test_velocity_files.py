@@ -182,19 +182,6 @@ def test_wrong_tables_are_named(tmp_path, text, message):
     assert "\n" not in str(error.value)
 
 
-@pytest.mark.whole
-def test_own_files_need_no_registry_of_units(tmp_path, loaded_by):
-    path = tmp_path / "own.nc"
-    group = example(np.random.default_rng(3)).to_dataset()
-    group.to_netcdf(path, engine="netcdf4", auto_complex=True)
-    code = (
-        "from pathlib import Path\nfrom sldvexp.io.velocities import read\n"
-        "from sldvexp.unit_labels import pint_registry\n"
-        f"read(Path({str(path)!r}), None)\nprint(pint_registry.cache_info().currsize)"
-    )
-    assert loaded_by(code)[1] == "0\n"
-
-
 def test_wrong_arrays_are_named(tmp_path):
     with pytest.raises(UserError, match="no such file"):
         read(tmp_path / "none.csv", M_PER_S)

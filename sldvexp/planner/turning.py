@@ -1,4 +1,4 @@
-"""Aim of an instrument that stands upright: where it looks so that all is within its mirrors.
+"""Turn of an instrument that stands upright: where it looks so that all is within its mirrors.
 
 The laser frame's z points at a place, its x is level, as `sldvexp.geometry.rotation_towards` makes
 it. The mirrors' ranges are used best if the angles of all that is to be seen lie evenly around
@@ -13,7 +13,7 @@ from sldvexp.geometry import rotation_towards
 from sldvexp.laser import TwoMirror, project, rays
 from sldvexp.typing import Array
 
-#: Steps of aiming; each makes what is off smaller by a factor of ten or more.
+#: Steps of turning; each makes what is off smaller by a factor of ten or more.
 STEPS = 4
 
 
@@ -26,8 +26,8 @@ def angles_of(origins: Array, rotations: Array, points: Array, laser: TwoMirror)
     return project(in_laser, laser.mirror_offset)
 
 
-def aimed(origins: Array, points: Array, laser: TwoMirror) -> tuple[Array, Array]:
-    """Aim each stand so that the points lie evenly in the ranges of its mirrors.
+def turned_towards(origins: Array, points: Array, laser: TwoMirror) -> tuple[Array, Array]:
+    """Turn each stand so that the points lie evenly in the ranges of its mirrors.
 
     Parameters
     ----------
