@@ -36,6 +36,8 @@ from sldvexp.session.interruption import (
 
 log = logging.getLogger(__name__)
 
+#: Progress before a session tells of any.
+BEGINS = "The scan begins: the configuration is read and the instrument is opened …"
 #: Scan of which nothing is going on.
 AT_REST = {"running": False, "paused": False, "part": 0.0, "facts": {}}
 #: Part of a sentence that holds until an instrument answers again.
@@ -167,6 +169,7 @@ class Console:
         self.bench.leave()  # the run opens the instrument for itself
         scanning = Scanning(experiment, self.board, self.wishes, self._advise, self._tell_advice)
         self.board.tell("phase", "scan")
+        self.board.tell("scan", {**AT_REST, "told": BEGINS, "resumable": False})
         self.board.tell(
             "result", {"told": "The report stands here when the scan is done.", "page": False}
         )

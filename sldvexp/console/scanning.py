@@ -187,7 +187,13 @@ class Scanning(Watcher):
             self.paused = False
             return Wish(skip=True)
         elif name == "again" and done:
+            if self.paused:
+                self._why = "Paused; the last line is scanned again."
+                self._tell()
             return Wish(again=(done,))
+        elif name == "again" and self.paused:
+            self._why = "Paused; there is no line yet to scan again."
+            self._tell()
         elif name == "again_bad":
             self._painter.settle()
             known = self._painter.bad.get(lines, {})

@@ -312,6 +312,16 @@ VALUES = [
 ]
 
 TARGETS = [
+    Bad(
+        "experiment=plate plan.noise=40",
+        "command line: plan.noise is 40 m/s, more than vibrometers measure at all: is plan.unit "
+        "right?",
+    ),
+    Bad(
+        "experiment=plate scene.vibrometer.noise=40",
+        "command line: scene.vibrometer.noise is a part of full_scale, below 1, not 40.0: 0.005 "
+        "is the usual 0.5 %",
+    ),
     on_target(
         "target.circles={1: {diameter: -1}}",
         "target.circles.1.diameter must be a positive number, not -1.0",

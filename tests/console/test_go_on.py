@@ -68,3 +68,17 @@ def test_console_of_a_run_that_was_cut_off_offers_to_go_on(console, tmp_path):
     one = made()
     one.bench._safely(lambda: one.bench.further["go_on"]({"do": "go_on"}))
     assert Seen(one.board).look()["said"]["text"] == "there is no scan to go on with"
+
+
+def test_scan_that_begins_says_so_before_the_session_tells_of_it(lab_experiment, tmp_path):
+    told = []
+
+    def run(settings, watcher, operator):
+        told.append(seen.look()["scan"]["told"])
+        raise UnfinishedError("no", tmp_path)
+
+    words = ["experiment=plate"]
+    one = Console(lab_experiment, words, tmp_path, lambda settings: lab_experiment, run)
+    seen = Seen(one.board)
+    one.bench.further["scan"]({"do": "scan"})
+    assert told[0].startswith("The scan begins: ")
