@@ -52,14 +52,15 @@ SENTENCE, SHOWN = 2000, 200
 
 
 class TooMuchError(yaml.MarkedYAMLError):
-    """YAML that stands for more than a configuration can be."""
+    """YAML that stands for more than a configuration can be, or says a thing twice."""
 
 
 def require_bounded_yaml(text: str) -> None:
     """Complain about YAML that is too long or too deep, or that refers to too much or to itself.
 
     Events of the parser are counted before anything is made of them; a reference counts as much as
-    what it refers to.
+    what it refers to. A key that is twice in a table is refused too: readers of YAML keep the last
+    in silence.
 
     Raises
     ------
@@ -90,12 +91,13 @@ def _count(events: Iterator[yaml.Event]) -> None:
     """Count values and depth of the events of a text, and complain where they are too many."""
     sizes: dict[str, int] = {}
     begun: list[tuple[str | None, int]] = []
+    keys = _Keys()
     values = 0
     for event in events:
-        told = ""
+        told = keys.repeated(event)
         if isinstance(event, yaml.AliasEvent):
             open_ = any(anchor == event.anchor for anchor, _ in begun)
-            told = f"{event.anchor} refers to itself" if open_ else ""
+            told = f"{event.anchor} refers to itself" if open_ else told
             values += sizes.get(event.anchor, 1)
         elif isinstance(event, yaml.CollectionStartEvent):
             begun.append((event.anchor, values))
@@ -114,6 +116,43 @@ def _count(events: Iterator[yaml.Event]) -> None:
             told = f"has more than {YAML_VALUES} values, with those that it refers to"
         if told:
             raise TooMuchError(problem=told, problem_mark=event.start_mark)
+
+
+class _Keys:
+    """Keys of the tables that are open while the events of a text go by.
+
+    Each open table has its keys with their lines, and the pair that is being read; a list has None.
+    """
+
+    def __init__(self) -> None:
+        self._open: list[tuple[dict[str, int], list[str]] | None] = []
+
+    def repeated(self, event: yaml.Event) -> str:
+        """Take an event, and say which key it repeats; empty if none."""
+        if isinstance(event, yaml.CollectionEndEvent):
+            self._open.pop()
+            return ""
+        told = self._taken(event) if self._open and isinstance(event, yaml.NodeEvent) else ""
+        if isinstance(event, yaml.CollectionStartEvent):
+            self._open.append(({}, []) if isinstance(event, yaml.MappingStartEvent) else None)
+        return told
+
+    def _taken(self, event: yaml.NodeEvent) -> str:
+        """Take a key, its value or an item of a list."""
+        if (table := self._open[-1]) is None:
+            return ""
+        lines, pair = table
+        if len(pair) == 1:  # a key, of which this is the value
+            pair.append("")
+            return ""
+        key = event.value if isinstance(event, yaml.ScalarEvent) else ""
+        pair[:] = [key]
+        if key not in lines or key in ("", "<<"):
+            lines[key] = event.start_mark.line + 1
+            return ""
+        above = [pair[0] for _, pair in filter(None, self._open[:-1])]
+        name = ".".join([*above, key])
+        return f"{name} is there twice, first in line {lines[key]}; one of them needs another name"
 
 
 class _PlainLoader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[misc]

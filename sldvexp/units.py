@@ -50,6 +50,9 @@ class StrainUnit(Enum):
 #: Quantity of each kind of unit, as `sldvexp.unit_labels` names it.
 QUANTITIES = {LengthUnit: "displacement", AngleUnit: "angle", VelocityUnit: "velocity"}
 
+#: Distance that no beam of a scanning vibrometer is sent to, and no object of one is as large, m.
+FARTHEST = 100.0
+
 Unit = TypeVar("Unit", LengthUnit, AngleUnit, VelocityUnit)
 
 
@@ -82,6 +85,31 @@ def unit_named(kind: type[Unit], name: str, where: str) -> Unit:
         if same and bare and not label.reference and label.quantity == QUANTITIES[kind]:
             return same[0]
     raise UserError(f"{where}: unknown unit {name!r}; {nearest(name, kind.__members__)}")
+
+
+def beyond_belief(unit: LengthUnit, *lengths: float, most: float = FARTHEST) -> str:
+    """Say that a length is one of another unit; empty if all can be.
+
+    Parameters
+    ----------
+    most : float, m
+        Above which a length is not believed.
+
+    Examples
+    --------
+    >>> beyond_belief(LengthUnit.m, 40, -260)
+    'is -260 m, which no scanning vibrometer measures: is the unit m right, or is it mm?'
+    >>> beyond_belief(LengthUnit.mm, 40, -260)
+    ''
+    """
+    far = max((x for x in lengths if math.isfinite(x)), key=abs, default=0.0)
+    if abs(far) * unit.value <= most:
+        return ""
+    smaller = "mm" if unit is not LengthUnit.mm else "um"
+    return (
+        f"is {far:g} {unit.name}, which no scanning vibrometer measures: is the unit {unit.name} "
+        f"right, or is it {smaller}?"
+    )
 
 
 def decimal_in(unit: LengthUnit | AngleUnit, value: float) -> str:

@@ -29,7 +29,7 @@ from sldvexp.sweep import recorded_config
 from sldvexp.targets import Circles, Target, shaded_circles
 from sldvexp.targets.shadows import shade_told
 from sldvexp.typing import Array
-from sldvexp.units import LengthUnit, unit_named
+from sldvexp.units import LengthUnit, beyond_belief, unit_named
 
 #: Words of this command, and what stands behind the equals sign.
 WORDS = {
@@ -111,7 +111,7 @@ def run(words: list[str], config_dir: str | None) -> int:
     unit = LengthUnit.m
     for value in asked["unit"]:
         unit = unit_named(LengthUnit, value, "command line: unit")
-    points = [unit.value * _numbers("at", value, 3) for value in asked["at"]]
+    points = [unit.value * _point(value, unit) for value in asked["at"]]
     steps = [_numbers("dac", value, 2) for value in asked["dac"]]
     if len(rest) == 1 and "=" not in rest[0]:
         views, around = of_run(Path(rest[0]))
@@ -325,6 +325,14 @@ def _require_on_board(steps: Array, laser: TwoMirror) -> None:
         laser.angle_from_dac(steps, f"dac={steps[0]:g},{steps[1]:g}")
     except UserError as error:
         raise UserError(f"command line: {str(error).removeprefix('point ')}") from None
+
+
+def _point(text: str, unit: LengthUnit) -> Array:
+    """Read a point, of which no coordinate is beyond all that is measured."""
+    point = _numbers("at", text, 3)
+    if told := beyond_belief(unit, *point):
+        raise UserError(f"command line: at={text}: {told} (unit=mm says so)")
+    return point
 
 
 def _numbers(name: str, text: str, count: int) -> Array:

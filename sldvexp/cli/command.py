@@ -181,7 +181,8 @@ class Command:
     def run(self) -> int:
         """Run every job; the worst exit status of them."""
         try:
-            if any(a.startswith("resume=") for a in self.arguments):
+            resumed = any(a.startswith(commands.KEY) for a in self.arguments)
+            if resumed and "console" not in self.arguments:  # which goes on when it is told to
                 self.arguments = commands.arguments_of(self.arguments)
                 self.recorded = True
             if "--version" in self.arguments:

@@ -15,6 +15,7 @@ from pathlib import Path
 from omegaconf import open_dict
 
 from sldvexp import config, console, planner
+from sldvexp.cli.commands import KEY, arguments_of
 from sldvexp.cli.help import COMMAND_HELP
 from sldvexp.cli.in_process import watched_run
 from sldvexp.config import registry
@@ -64,13 +65,17 @@ def run(words: list[str], config_dir: str | None, port: str | None = None) -> in
         raise UserError(
             f"console needs {' and '.join(missing)}: pip install 'sldvexp[console]' installs it"
         )
+    folder = Path(config_dir or OWN_FOLDER)
+    unfinished = next((Path(w.removeprefix(KEY)) for w in words if w.startswith(KEY)), None)
+    if unfinished is not None:
+        folder, unfinished = folder.absolute(), unfinished.absolute()  # see `arguments_of`
+        words = [f"{KEY}{unfinished}"]
     experiment = composed(words, config_dir)
     if experiment.scan is None or not isinstance(experiment.instrument, ScanningPlugin):
         raise UserError(
             "console: needs a scan and an instrument that scans, as experiment=plate or "
             "instrument=visa have them"
         )
-    folder = Path(config_dir or OWN_FOLDER)
 
     def aimed(settings: Sequence[str]) -> Experiment:
         return composed(settings, str(folder))
@@ -78,7 +83,10 @@ def run(words: list[str], config_dir: str | None, port: str | None = None) -> in
     def scanned(settings: Sequence[str], watcher: Watcher, operator: Operator) -> Path:
         return watched_run(settings, str(folder), watcher, operator)
 
-    with console.Console(experiment, words, folder, aimed, scanned, _number(port), advice) as made:
+    number = _number(port)
+    with console.Console(
+        experiment, words, folder, aimed, scanned, number, advice, unfinished
+    ) as made:
         print(f"{made.address}\nopen it in a browser on this machine; Ctrl-C ends it", flush=True)
         with suppress(KeyboardInterrupt):
             made.serve()
@@ -88,8 +96,10 @@ def run(words: list[str], config_dir: str | None, port: str | None = None) -> in
 def composed(words: Sequence[str], config_dir: str | None) -> Experiment:
     """Compose a configuration from the words of a command, and make its plugins."""
     options = ["--config-dir", config_dir] if config_dir else []
+    resumed = any(word.startswith(KEY) for word in words)
+    line = arguments_of(words) if resumed else [*words, *options]
     registry.load_installed()
-    origins = config.Origins([*words, *options])
+    origins = config.Origins(line)
     config.security.check(origins)
     try:
         cfg = origins.compose()

@@ -18,7 +18,14 @@ from sldvexp.config.paths import JOURNAL, RUN_FILE
 from sldvexp.errors import UserError
 from sldvexp.lazy import xarray as xr
 from sldvexp.limits import shown
-from sldvexp.session.interruption import LINES_KEPT, SCAN_KEPT, how_to_go_on
+from sldvexp.session.interruption import (
+    LINES_KEPT,
+    SCAN_KEPT,
+    Stopped,
+    UnfinishedError,
+    has_lines,
+    how_to_go_on,
+)
 from sldvexp.session.journal import lines_kept
 from sldvexp.stopping import handlers_kept
 
@@ -87,27 +94,35 @@ def watched_run(
     Parameters
     ----------
     settings : sequence of str
-        As on the command line.
+        As on the command line; with ``resume=<folder>`` it goes on with a run.
     config_dir : str
         Folder of the user's own experiments; it may be missing.
 
     Raises
     ------
     UserError
-        For a mistake in the settings or the data, with the sentence that the command prints; it
-        says too how a scan goes on of which something is kept.
+        For a mistake in the settings or the data, with the sentence that the command prints.
+    UnfinishedError, Stopped
+        If some of its scan is kept; it says too how it goes on.
     """
     added = ["--config-dir", config_dir] if Path(config_dir).is_dir() else []
     call = _Call([*settings, *added], quiet=True)
     call.watcher, call.operator = watcher, operator
-    with hydra_raises(), _as_a_command(call.arguments), handlers_kept():
-        call.run()
+    try:
+        with hydra_raises(), _as_a_command(call.arguments), handlers_kept():
+            call.run()
+    except KeyboardInterrupt as stop:
+        if call.folder is None or not has_lines(call.folder):
+            raise
+        raise Stopped(str(stop), call.folder) from stop
     if call.told:
         told = "\n".join(call.told)
         said = LINES_KEPT in told or SCAN_KEPT in told
-        if not said and call.folder is not None and any(lines_kept(call.folder / JOURNAL).values()):
-            told += f"; {how_to_go_on(call.folder)}"
-        raise UserError(told)
+        kept = call.folder is not None and any(lines_kept(call.folder / JOURNAL).values())
+        if call.folder is None or not (said or kept):
+            raise UserError(told)
+        told += "" if said else f"; {how_to_go_on(call.folder)}"
+        raise UnfinishedError(told, call.folder)
     assert call.folder is not None  # a call that is refused says so
     return call.folder
 

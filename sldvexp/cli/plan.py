@@ -26,7 +26,7 @@ from sldvexp.dataset import RunData
 from sldvexp.errors import UserError
 from sldvexp.planner.images import Stand
 from sldvexp.planner.place import SETTING_OF, Place, Unseen
-from sldvexp.planner.planned import StandPlan, sampling_of
+from sldvexp.planner.planned import USUAL_NOISE, StandPlan, sampling_of
 from sldvexp.plot import save
 from sldvexp.plot.catalogue import USUAL
 from sldvexp.sweep import recorded_config
@@ -250,9 +250,19 @@ def told(found: StandPlan, action: str, experiment: Experiment) -> Iterator[str]
         yield from _not_seen(found)
         yield from planner.circle_lines.too_short(found.stands, found.place, experiment.scan)
     yield (
-        f"bounds are of the noise, {1e3 * found.noise:.3g} mm/s at a pixel, of every place by "
-        "itself; poses and the size of elements add to them, a thin shell lessens them"
+        f"bounds are of the noise, {1e3 * found.noise:.3g} mm/s at a pixel{_noise_of(experiment)}, "
+        "of every place by itself; poses and the size of elements add to them, a thin shell "
+        "lessens them"
     )
+
+
+def _noise_of(experiment: Experiment) -> str:
+    """Say where the noise is from, if nobody has said it."""
+    if experiment.plan.noise is not None:
+        return ""
+    if experiment.scene is not None:
+        return " (of scene.vibrometer, as plan.noise is not set)"
+    return f" (of a usual vibrometer, {1e3 * USUAL_NOISE:g} mm/s r.m.s., as plan.noise is not set)"
 
 
 def _usual_room(said: PlanRoom) -> str:

@@ -11,6 +11,7 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
+from tempfile import TemporaryFile
 from typing import Any
 
 import yaml
@@ -110,6 +111,17 @@ def require_writable(paths: Iterable[Path], replace: bool, instead: str) -> None
             raise UserError(f"{path}: cannot be written: it is a folder")
         if path.exists() and not replace:
             raise UserError(f"{path}: exists; {instead}")
+        _require_room(path)
+
+
+def _require_room(path: Path) -> None:
+    """Refuse a file in a folder that takes none; files without a name are tried, and leave none."""
+    above = next(folder for folder in path.absolute().parents if folder.exists())
+    try:
+        with TemporaryFile(dir=above):
+            pass
+    except OSError as error:
+        raise UserError(f"{path}: cannot be written: {above}: {error.strerror}") from None
 
 
 class _Plain(yaml.SafeDumper):

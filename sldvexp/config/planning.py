@@ -10,6 +10,8 @@ from typing import Any, Self
 from sldvexp.errors import Checks
 from sldvexp.units import VelocityUnit
 
+#: Noise of a vibrometer that is one of another unit, m/s r.m.s.
+LOUDEST = 1.0
 #: Fewer stands do not determine a vector; more are no matter of planning.
 FEWEST_STANDS, MOST_STANDS = 3, 8
 #: Room in which stands are looked for where nothing is said of it, m: an instrument on a tripod,
@@ -192,6 +194,9 @@ class PlanSettings:
             value = getattr(self, key)
             if value is not None:
                 checks.positive(key, value)
+        noise = self.in_si("noise") or 0.0
+        message = f"is {noise:g} m/s, more than vibrometers measure at all: is plan.unit right?"
+        checks.require(not noise >= LOUDEST, "noise", message)
         lost = self.drop_out or 0.0
         checks.require(0 <= lost < 1, "drop_out", f"must be from 0 to below 1, not {lost}")
         message = f"must be rows and columns, each 2 or more, not {self.pixels}"

@@ -98,6 +98,7 @@ class AimingBench:
         self.beam: Steps = (0, 0)
         self.steered = False
         self.further: dict[str, Callable[[Wish], None]] = {}
+        self.answered: Callable[[], None] = lambda: None
         self._opened = ExitStack()
         self._instrument: Instrument | None = None
         self._set: Acquisition | None = None
@@ -143,6 +144,10 @@ class AimingBench:
     def say(self, text: str, problem: bool = False) -> None:
         """Tell the controller something in a sentence."""
         self.board.tell("said", {"text": text, "problem": problem, "at": time.time()})
+
+    def doubt(self) -> None:
+        """Take it that the instrument has failed until it answers, which is said then."""
+        self._silent = True
 
     def leave(self) -> None:
         """Leave the instrument, whose mirrors go home and whose generator is off then."""
@@ -479,6 +484,7 @@ class AimingBench:
         if self._silent:
             self._silent = False
             self.say("The instrument answers again.")
+            self.answered()
         place = aids.read_position(instrument, self.beam)
         if place != self.beam:
             self.beam = place

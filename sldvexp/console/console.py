@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import queue
+import re
 import threading
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -22,11 +23,25 @@ from sldvexp.console.written import CHOICE, command_with, settings_with, write_e
 from sldvexp.dataset import RunData
 from sldvexp.errors import UserError
 from sldvexp.files import read_text
+from sldvexp.instrument import NOT_HOME
 from sldvexp.report import REPORT_FILE, closing_lines
 from sldvexp.session import Operator, Watcher
+from sldvexp.session.interruption import (
+    GO_ON,
+    LINES_KEPT,
+    SCAN_KEPT,
+    Stopped,
+    UnfinishedError,
+)
 
 log = logging.getLogger(__name__)
 
+#: Progress before a session tells of any.
+BEGINS = "The scan begins: the configuration is read and the instrument is opened …"
+#: Scan of which nothing is going on.
+AT_REST = {"running": False, "paused": False, "part": 0.0, "facts": {}}
+#: Part of a sentence that holds until an instrument answers again.
+ANSWERED = re.compile(f"; {NOT_HOME}.*?(?=; (?:{LINES_KEPT}|{SCAN_KEPT})|$)", re.DOTALL)
 #: Runs settings with a watcher and an operator; the run's folder.
 Run = Callable[[Sequence[str], Watcher, Operator], Path]
 
@@ -51,6 +66,8 @@ class Console:
     advise : callable, optional
         Says where to stand next, from the groups of the views that are done; without any, what the
         stands reach that the configuration gives.
+    unfinished : Path, optional
+        Folder of a run that was cut off, which *Go on* goes on with.
     """
 
     def __init__(
@@ -62,6 +79,7 @@ class Console:
         run: Run,
         port: int = 0,
         advise: Advise | None = None,
+        unfinished: Path | None = None,
     ) -> None:
         self.experiment, self.settings, self.folder = experiment, list(settings), folder
         self.board = NoticeBoard()
@@ -72,10 +90,21 @@ class Console:
         self._page: Path | None = None
         self._plan, self._plans = Advice([]), 0
         self._ours: dict[Path, str] = {}  # files that were written, as they were
-        self.bench.further = {"write": self._write, "scan": self._scan, "plan": self._examine}
+        self._unfinished = unfinished
+        self._last: tuple[Scanning, str] | None = None  # scan that has ended, and why
+        self.bench.answered = self._answered
+        self.bench.further = {
+            "write": self._write,
+            "scan": self._scan,
+            "plan": self._examine,
+            "go_on": self._go_on,
+        }
         base = next((m[1] for s in settings if (m := CHOICE.fullmatch(s))), "session")
         self.board.tell("suggested", f"{base.rpartition('/')[2]}_aimed")
         self.board.tell("phase", "aim")
+        if unfinished is not None:
+            told = f"The run in {unfinished} was cut off: Go on scans what is missing."
+            self.board.tell("scan", {**AT_REST, "told": told, "resumable": True})
 
     @property
     def address(self) -> str:
@@ -124,24 +153,35 @@ class Console:
         """Scan what was aimed, as a run of the experiment that is written of it."""
         scan = self.bench.settings()
         settings = self._written(wish) if scan else self.settings
-        experiment = self._compose(settings) if scan else self.experiment
+        self._run_it(settings, self._compose(settings) if scan else self.experiment)
+
+    def _go_on(self, wish: Wish) -> None:
+        """Go on with the run that failed or was stopped, or that was cut off before."""
+        if self._unfinished is None:
+            raise UserError("there is no scan to go on with")
+        settings = [f"resume={self._unfinished}"]
+        self._run_it(settings, self._compose(settings))
+
+    def _run_it(self, settings: Sequence[str], experiment: Experiment) -> None:
+        """Run settings, and tell what becomes of it."""
         self.bench.leave()  # the run opens the instrument for itself
         scanning = Scanning(experiment, self.board, self.wishes, self._advise, self._tell_advice)
         self.board.tell("phase", "scan")
+        self.board.tell("scan", {**AT_REST, "told": BEGINS, "resumable": False})
         self.board.tell(
             "result", {"told": "The report stands here when the scan is done.", "page": False}
         )
         self.bench.say("")
-        why = ""
+        why, self._unfinished = "", None
         try:
             folder = self._run(settings, scanning, Asked(scanning, self.bench.marks))
         except UserError as error:
-            why = str(error)
+            why = self._kept(error)
             self._ended(why, problem=True)
         except KeyboardInterrupt as stop:
             if not scanning.stopped:
                 raise
-            why = str(stop) or "stopped"
+            why = self._kept(stop) or "stopped"
             self._ended(why)
         else:
             self._page = folder / REPORT_FILE
@@ -154,7 +194,10 @@ class Console:
             self.board.tell("phase", "result")
             self.bench.say("The scan is done.")
         finally:
-            scanning.end(why)
+            scanning.end(why, resumable=self._unfinished is not None)
+            self._last = scanning, why
+            if NOT_HOME in why:
+                self.bench.doubt()
             if scanning.lost:
                 self.bench.steered = False
 
@@ -183,6 +226,21 @@ class Console:
 
     def _figure(self, narrow: bool) -> bytes:
         return self._plan.narrow if narrow else self._plan.figure
+
+    def _kept(self, error: BaseException) -> str:
+        """Say why a run ended, and how the console itself goes on with it."""
+        if isinstance(error, UnfinishedError | Stopped):
+            self._unfinished = error.folder
+        here = "Go on does that here, or once this console has ended: "
+        return str(error).replace(GO_ON, here)
+
+    def _answered(self) -> None:
+        """Say no more that the mirrors may not be home: who answers was brought to its place."""
+        if self._last is not None:
+            scanning, why = self._last
+            self._last = scanning, ANSWERED.sub("", why)
+            scanning.retell(self._last[1])
+            self.board.tell("result", {"told": self._last[1], "page": False})
 
     def _ended(self, why: str, problem: bool = False) -> None:
         self.board.tell("result", {"told": why, "page": False})

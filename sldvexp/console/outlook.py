@@ -10,6 +10,7 @@ structure's surface.
 
 from __future__ import annotations
 
+import math
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
@@ -24,6 +25,7 @@ from sldvexp.errors import UserError
 from sldvexp.geometry import KnownPose, euler_from_rotation, rotation_from_euler
 from sldvexp.laser import corrected_pose
 from sldvexp.pose import Aiming, AimingPlace
+from sldvexp.pose.aiming import pointing_of
 from sldvexp.pose.rough_pose import RoughPose, predicted_steps
 from sldvexp.scan.by_hand import ByHand
 from sldvexp.scan.rectangle import Rectangle, ScanRegion
@@ -36,6 +38,8 @@ from sldvexp.typing import Array, IntArray
 SURE = 4
 #: Distance by which a rough pose may be wrong, m.
 NEAR = 0.3
+#: Pixels of the picture in which circles are marked, across the board's range.
+PIXELS = 640
 #: Points of a circle's outline, and of a structure's at most.
 ROUND, MOST = 24, 200
 
@@ -85,7 +89,7 @@ class Outlook:
     def of(self, marks: Mapping[Name, Steps], view: str) -> Foresight:
         """Tell what the marks of a view tell, and its rough pose."""
         known = {name: marks[name] for name in self.places if name in marks}
-        aiming = Aiming(self.laser, list(self.places.values()))
+        aiming = Aiming(self.laser, list(self.places.values()), self._pointing())
         for name, steps in known.items():
             aiming.take(self.places[name].name, steps)
         if view in self.rough and len(known) < SURE and self._near(view, aiming.poses):
@@ -99,10 +103,15 @@ class Outlook:
             with suppress(UserError):  # it cannot be seen from here, or nobody knows yet
                 found.predicted[name] = aiming.predict(place.name).steps
         std = np.sqrt(np.diag(aiming.pose.covariance)[3:]).max()
-        told = f"The instrument stands at about {_metres(aiming.pose.origin)} m +- {std:.2g}."
+        told = f"The instrument stands at about {_metres(aiming.pose.origin, std)}."
         wrong = aiming.contradiction() or aiming.weakness()
         found.told = f"{told} But {wrong}." if wrong else told
         return found
+
+    def _pointing(self) -> float:
+        """Say how well places are pointed at, steps: at circles to half a pixel of the picture."""
+        low, high = self.laser.board.value
+        return (high - low) / PIXELS / 2 if self.rims else pointing_of(self.laser)
 
     def _near(self, view: str, poses: Sequence[RoughPose]) -> bool:
         """Tell whether a view's rough pose is among those that few marks allow."""
@@ -117,7 +126,7 @@ class Outlook:
             pose = corrected_pose(points, np.array(list(known.values()), float), *pose, self.laser)
         likely = RoughPose(*pose, np.zeros((6, 6)), cost=0, dof=0, probability=1)
         found = self._foreseen([likely], view)
-        place = f"the instrument stands at about {_metres(pose[1])} m."
+        place = f"the instrument stands at about {_metres(pose[1])}."
         if not known:
             searched = " Circles are searched from there: scan at once," if self.rims else " Scan,"
             found.told = (
@@ -169,8 +178,18 @@ class Outlook:
         return [(int(u), int(v)) for u, v in box]
 
 
-def _metres(point: Array) -> str:
-    return "(" + ", ".join(f"{x:.2f}" for x in point) + ")"
+def _metres(point: Array, std: float | None = None) -> str:
+    """Write a place, and how sure it is, with as many digits as that has.
+
+    Examples
+    --------
+    >>> _metres(np.array([0.0412, 1.09, 0.985]), 0.00571)
+    '(0.0412, 1.0900, 0.9850) m, to a standard deviation of 0.0057 m'
+    """
+    sure = std is not None and np.isfinite(std) and std > 0
+    digits = max(2, 1 - math.floor(math.log10(std))) if std is not None and sure else 2
+    place = "(" + ", ".join(f"{x:.{digits}f}" for x in point) + ") m"
+    return f"{place}, to a standard deviation of {std:.{digits}f} m" if sure else place
 
 
 def known_places(

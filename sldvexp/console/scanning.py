@@ -62,6 +62,7 @@ class Scanning(Watcher):
         self.board, self.wishes = board, wishes
         self.stopped = self.lost = self.paused = False
         self._running, self._between, self._why = True, False, ""
+        self._resumable = False
         self._rest: Callable[[], None] | None = None
         self._step = ""
         self._view: ViewAhead | None = None
@@ -141,12 +142,24 @@ class Scanning(Watcher):
                 if self._progress is not None:
                     self._progress.waited += time.monotonic() - began
 
-    def end(self, why: str = "") -> None:
-        """Tell that nothing is scanned any more, and why, if the scan is not done."""
+    def end(self, why: str = "", resumable: bool = False) -> None:
+        """Tell that nothing is scanned any more, and why, if the scan is not done.
+
+        Parameters
+        ----------
+        resumable : bool
+            Whether what is missing can be scanned.
+        """
         self._running, self.paused, self._why = False, False, why
+        self._resumable = resumable
         self._painter.end()
         self._afterwards.end()
         self.board.tell("ask", None)
+        self._tell()
+
+    def retell(self, why: str) -> None:
+        """Tell in other words why nothing is scanned any more."""
+        self._why = why
         self._tell()
 
     # ---- what the controller wishes ----
@@ -174,7 +187,13 @@ class Scanning(Watcher):
             self.paused = False
             return Wish(skip=True)
         elif name == "again" and done:
+            if self.paused:
+                self._why = "Paused; the last line is scanned again."
+                self._tell()
             return Wish(again=(done,))
+        elif name == "again" and self.paused:
+            self._why = "Paused; there is no line yet to scan again."
+            self._tell()
         elif name == "again_bad":
             self._painter.settle()
             known = self._painter.bad.get(lines, {})
@@ -203,6 +222,7 @@ class Scanning(Watcher):
                 part, left = progress.share, progress.seconds_left
         steerable = self._running and self._between
         word = {"running": steerable, "paused": self.paused, "part": part}
+        word["resumable"] = self._resumable
         told = {"told": self._sentence(part, left), "facts": self._facts(done, total)}
         self.board.tell("scan", word | told)
 

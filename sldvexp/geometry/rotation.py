@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from sldvexp.errors import Checks
 from sldvexp.lazy import scipy
 from sldvexp.typing import Array
-from sldvexp.units import AngleUnit, LengthUnit
+from sldvexp.units import AngleUnit, LengthUnit, beyond_belief
 
 #: Below this sine of phi2, only the sum or difference of the other angles is determined.
 GIMBAL_LOCK = 1e-6
@@ -272,6 +272,8 @@ class KnownPose:
             message = f"must be three numbers, not {len(values)}"
             checks.require(len(values) in sizes, f"{name}.{key}", message)
             checks.finite(f"{name}.{key}", *values)
+            told = beyond_belief(self.unit, *values) if key in ("look_at", "origin") else ""
+            checks.require(not told, f"{name}.{key}", told)
 
     @property
     def rotation(self) -> Array:

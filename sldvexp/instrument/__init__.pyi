@@ -7,3 +7,4 @@ from .protocol import ScanningPlugin as ScanningPlugin
 from .protocol import Status as Status
 from .recording import Recording as Recording
 from .recording import Replay as Replay
+from .visa import NOT_HOME as NOT_HOME

@@ -25,6 +25,11 @@ from sldvexp.instrument.protocol import InstrumentError
 #: Errors that are read from a queue at most.
 QUEUE = 20
 
+#: Reason for which a device that can be reached may not even say who it is.
+HELD = (
+    "another program may hold the instrument, as a console that is open or a run that is not done"
+)
+
 #: Sequences by which a text steers a terminal: colours, cursor, title.
 ESCAPES = re.compile(r"(?:\x1b\[|\x9b)[0-?]*[ -/]*[@-~]|\x1b\][^\x07\x1b]*(?:\x07|\x1b\\)?|\x1b.")
 #: Characters of a command or an answer that messages show.
@@ -163,7 +168,12 @@ class Dialogue:
         for _ in range(device.banner):
             _told(name, "", self._line, name)
         if device.identify:
-            answer = self.ask(name, device.identify)
+            try:
+                answer = self.ask(name, device.identify)
+            except BrokenOffError:
+                raise
+            except DisturbanceError as error:
+                raise DisturbanceError(f"{error}; {HELD}") from error
             if not re.match(device.identity, answer):
                 # Whatever answers here may be the rest of an earlier answer.
                 raise DisturbanceError(

@@ -134,6 +134,8 @@ class Visa(ScanningPlugin):
 
 
 log = logging.getLogger(__name__)
+#: What is said of an instrument that could not be left as it should be.
+NOT_HOME = "the mirrors may not be home and the generator may be on"
 #: How far a rate may be from a whole number of microseconds between samples, relative.
 WHOLE = 1e-9
 #: All bits that a record's status may have.
@@ -193,7 +195,7 @@ class CommandedInstrument:
         try:
             self._persistently("going home", self._go_home)
         except InstrumentError as left:
-            what = f"the mirrors may not be home and the generator may be on: {left}"
+            what = f"{NOT_HOME}: {left}"
             if error is None:
                 raise InstrumentError(what) from left
             if isinstance(error, InstrumentError):

@@ -93,12 +93,25 @@ def known_stand(name: str, origin: Array, look_at: Array, rotation: Array, place
 
 
 def half_chords_of(stand: Stand, place: Place, lines: int) -> Array:
-    """Find how far each circle reaches along each scan line, shape (circle, line), steps."""
+    """Find how far each circle reaches along each scan line, shape (circle, line), steps.
+
+    A circle beyond the mirrors has no lines, and reaches zero.
+    """
     if place.marks.circles is None:
         return np.zeros((0, lines))
-    outlines = place.marks.circles.outlines()
-    steps = [_dac(stand.origin, stand.rotation, outline, place) for outline in outlines]
-    return np.array([half_chords(outline, lines) for outline in steps])
+    found = np.zeros((len(place.marks.circles.circles), lines))
+    for chords, outline in zip(found, place.marks.circles.outlines(), strict=True):
+        if _reached(stand.origin, stand.rotation, outline, place):
+            dac = _dac(stand.origin, stand.rotation, outline, place)
+            chords[:] = half_chords(dac, lines)
+    return found
+
+
+def _reached(origin: Array, rotation: Array, points: Array, place: Place) -> bool:
+    """Tell whether the mirrors send the beam to all of some points."""
+    angles = angles_of(origin[None], rotation[None], points, place.laser)[0]
+    low, high = place.laser.reach
+    return bool(np.all((angles >= low) & (angles <= high)))
 
 
 def _dac(origin: Array, rotation: Array, points: Array, place: Place) -> Array:

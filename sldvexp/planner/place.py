@@ -32,6 +32,8 @@ from sldvexp.volume import Prisms, Volume
 
 #: Nodes that stands are compared on while they are looked for.
 NODES_FOR_SEARCH = 150
+#: Directions in which the outermost nodes are among them.
+OUTWARD = 100
 #: Of its extent: height over a tangent plane that is only round-off.
 ROUNDING = 1e-6
 #: Part by which the region goes beyond what must be in it, so that the outermost nodes have pixels
@@ -260,7 +262,7 @@ class Place:
 
     def thinned(self) -> Place:
         """Keep so many nodes as stands are compared on, spread over the surface."""
-        return self.with_nodes(spread(self.nodes, NODES_FOR_SEARCH))
+        return self.with_nodes(of_search(self.nodes))
 
     def examine(self, origins: Array, rotations: Array) -> StandExamination:
         """Find what each stand sees, and why not the rest."""
@@ -484,6 +486,25 @@ def hides_itself(prisms: Prisms, both_sides: bool) -> bool:
     height = nodes @ normal[some].T - np.einsum("ni,ni->n", nodes[some], normal[some])
     above = ROUNDING * np.ptp(nodes, axis=0).max()
     return bool((np.abs(height) if both_sides else height).max() > above)
+
+
+def of_search(points: Array) -> IntArray:
+    """Choose the nodes that stands are compared on: spread ones, and all that lie outermost.
+
+    A stand that sees the corners of a flat surface sees all between them.
+
+    Examples
+    --------
+    >>> x, y = np.meshgrid(np.arange(30.0), np.arange(20.0), indexing="ij")
+    >>> plate = np.stack([x, y, 0 * x], axis=-1).reshape(-1, 3)
+    >>> np.isin([0, 19, 580, 599], of_search(plate)).all()
+    np.True_
+    """
+    k = np.arange(OUTWARD) + 0.5  # evenly spread over the sphere
+    cosine, turn = 1 - 2 * k / OUTWARD, np.pi * (1 + np.sqrt(5)) * k
+    sine = np.sqrt(1 - cosine**2)
+    ways = np.stack([sine * np.cos(turn), sine * np.sin(turn), cosine])
+    return np.union1d(spread(points, NODES_FOR_SEARCH), (points @ ways).argmax(axis=0))
 
 
 def spread(points: Array, count: int) -> IntArray:

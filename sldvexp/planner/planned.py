@@ -23,7 +23,7 @@ from sldvexp.planner.done import NOBODY, GivenStands
 from sldvexp.planner.expected import ExpectedBounds, expected_bounds
 from sldvexp.planner.gage import PlannedGage
 from sldvexp.planner.images import Stand, empty_image, raster_of, stand_at
-from sldvexp.planner.place import NODES_FOR_SEARCH, Place, StandExamination, spread
+from sldvexp.planner.place import Place, StandExamination, of_search
 from sldvexp.planner.search import FeasiblePlaces, candidates, exchange, greedy, move
 from sldvexp.scan.base import Sampling, Scan
 from sldvexp.typing import Array, IntArray
@@ -244,7 +244,7 @@ class _Task:
             place, searched = place.with_usual_region(), searched.with_usual_region()
         settings = experiment.plan
         gage = PlannedGage.from_ends(settings.gage, place)
-        chosen = spread(place.nodes, NODES_FOR_SEARCH)
+        chosen = of_search(place.nodes)
         if gage is None:
             wanted = directions_wanted(settings.of, place.frame)
             whole = Goal.evenly(wanted, settings.criterion)

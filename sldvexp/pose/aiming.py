@@ -28,8 +28,9 @@ from sldvexp.pose.outliers import MatchedPoints
 from sldvexp.pose.rough_pose import RoughPose, predicted_steps, rough_poses
 from sldvexp.typing import Array
 
-#: Standard deviation of a person's pointing, DAC steps of each mirror (Table 4.3).
-POINTING = 1.0
+#: Standard deviation of a person's pointing, as a part of the mirrors' range: one step of a board
+#: of 12 bits and a sign (Table 4.3), however much finer the steps of another one are.
+POINTING = 1.0 / 8192
 #: Standard deviations of the distance of two marks' steps within which they are one place.
 SAME = 3.0
 #: Standard deviations from which a mark lies beside where the others put it.
@@ -104,6 +105,18 @@ class MarkResidual:
         return bool(np.any(np.abs(self.steps) > BESIDE * self.std))
 
 
+def pointing_of(laser: TwoMirror) -> float:
+    """Say how well a person brings the beam onto a mark, DAC steps of each mirror.
+
+    Examples
+    --------
+    >>> pointing_of(TwoMirror())
+    1.0
+    """
+    low, high = laser.board.value
+    return max(1.0, POINTING * (high - low))
+
+
 class Aiming:
     """Marks of one view as they are taken.
 
@@ -112,8 +125,9 @@ class Aiming:
     laser : TwoMirror
     places : sequence of AimingPlace
         Those that can be taken, each under a name of its own.
-    pointing : float, DAC steps
-        Standard deviation of bringing the beam onto a place, of each mirror.
+    pointing : float, optional, DAC steps
+        Standard deviation of bringing the beam onto a place, of each mirror; without it that of a
+        person, see `pointing_of`.
 
     Examples
     --------
@@ -133,11 +147,11 @@ class Aiming:
     """
 
     def __init__(
-        self, laser: TwoMirror, places: Sequence[AimingPlace], pointing: float = POINTING
+        self, laser: TwoMirror, places: Sequence[AimingPlace], pointing: float | None = None
     ) -> None:
         self.laser = laser
         self.places = {place.name: place for place in places}
-        self.pointing = pointing
+        self.pointing = pointing_of(laser) if pointing is None else pointing
         self._said: dict[str, Steps | None] = {}
         self._before: list[tuple[str, dict[str, Steps | None]]] = []
         self._poses: dict[frozenset[str], list[RoughPose]] = {}
@@ -383,7 +397,7 @@ def aiming_at_marks(laser: TwoMirror, method: PoseMethod | None, marks: Sequence
     (['mark 3'], 2.0)
     """
     places = [AimingPlace(mark_label(mark.number), mark.position, mark.std) for mark in marks]
-    own = method.pointing if isinstance(method, Manual | Bundle) else POINTING
+    own = method.pointing if isinstance(method, Manual | Bundle) else None
     return Aiming(laser, places, own)
 
 

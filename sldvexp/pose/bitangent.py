@@ -55,7 +55,7 @@ class Bitangent(FromScans):
         circles, laser = circles_of(target, self.name), require_laser(laser)
         images, failed = self.images(circles, laser, tree, self.pinhole)
         tables = [registration_table(i, circles) for i in images]
-        findings = [*self.findings(images, laser), *failed]
+        findings = [*self.findings(images, laser, tree), *failed]
         problem = EdgeProblem(images, circles, laser, self.adjust, self.shared, self.max_iterations)
         found = self.solve(tables, laser, None, model=self._errors_of(problem, findings))
         pose = with_failed(with_pointing(found.pose, images), failed)

@@ -51,5 +51,5 @@ class Edge(FromScans):
         pose.attrs["shared"] = json.dumps(self.shared)
         notes = [*self.notes(images), *adjusted_notes(self.adjust, self.shared, pose)]
         pose.attrs["notes"] = "\n".join(notes)
-        findings = [*failed, *self.findings(images, laser), *wrong]
+        findings = [*failed, *self.findings(images, laser, tree), *wrong]
         return PoseResult(pose, findings=findings)

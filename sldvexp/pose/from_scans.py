@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from sldvexp import dataset
-from sldvexp.dataset import WITHOUT_POSE, Finding
+from sldvexp.dataset import WITHOUT_POSE, Finding, Severity
 from sldvexp.errors import UserError
 from sldvexp.laser import TwoMirror
 from sldvexp.lazy import xarray as xr
@@ -20,6 +20,11 @@ from sldvexp.pose.wiring import check_wiring, phase_notes
 from sldvexp.session.circles import edges_of
 from sldvexp.targets import Circles, Target
 from sldvexp.typing import Array
+
+#: Part of a view's edges above which it is said that they were lost: scans in order lose 0 to 5 %.
+MOST_LOST = 0.1
+#: Advice to who loses many edges.
+LONGER = "more samples or excitation at the edges: scan.calibration.sampling, or look at plot edges"
 
 
 @dataclass
@@ -98,10 +103,40 @@ class FromScans(FromPoints):
         """Say what to mind about the images of all views."""
         return phase_notes(images)
 
-    def findings(self, images: Sequence[CircleImages], laser: TwoMirror) -> list[Finding]:
+    def findings(
+        self, images: Sequence[CircleImages], laser: TwoMirror, tree: Mapping[str, xr.Dataset]
+    ) -> list[Finding]:
         """Say what the edges of all views tell about the mirrors and the circles."""
         own = [f for i in images for f in pointing_findings(i.view, i.pointing, i.match.ellipse)]
-        return [*mirror_findings({i.view: i.pointing for i in images}, laser), *own]
+        lost = [f for i in images for f in lost_edges(i.view, tree[f"edge/{i.view}"])]
+        return [*mirror_findings({i.view: i.pointing for i in images}, laser), *own, *lost]
+
+
+def lost_edges(view: str, group: xr.Dataset) -> list[Finding]:
+    """Say that more edges of a view's circles were rejected than a scan in order loses.
+
+    Parameters
+    ----------
+    group : xarray.Dataset
+        ``edge/<view>``.
+    """
+    lost: dict[str, int] = json.loads(group.attrs.get("lost", "{}"))
+    count = sum(lost.values())
+    share = count / max(count + group.sizes["edge"], 1)
+    if share <= MOST_LOST:
+        return []
+    why = ", ".join(f"{n} {reason}" for reason, n in lost.items())
+    return [
+        Finding(
+            "edges",
+            f"view {view}",
+            f"view {view}: {100 * share:.0f} % of the edges of its circles were lost ({why}), "
+            f"where {100 * MOST_LOST:.0f} % is much; its pose rests on the others",
+            Severity.note,
+            size=share,
+            remedy=LONGER,
+        )
+    ]
 
 
 def with_pointing(pose: xr.Dataset, images: Sequence[CircleImages]) -> xr.Dataset:

@@ -107,7 +107,8 @@ def _few(table: RegistrationTable, matched: MatchedPoints) -> Iterator[Finding]:
     Without known errors only what no method of Table 4.3 would leave is a contradiction.
     """
     view, count = f"view {table.name}", len(matched)
-    yield _untested(table, f"{count} points are too few to tell a wrong one from the others")
+    told = f"{count} points are too few to leave a wrong one out; they can only contradict"
+    yield _untested(table, f"{told} one another")
     if matched.adjust:
         return  # which explains residuals, too
     known = matched if matched.std is not None else replace(matched, std=np.full(count, LARGE))

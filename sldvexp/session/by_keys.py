@@ -229,7 +229,8 @@ class _Aim:
         if self.expected is None:
             return ""
         (up_down, left_right), std = np.rint(self.expected.dac), self.expected.std
-        instead = f", or at {len(self.goals) - 1} other places" if len(self.goals) > 1 else ""
+        more = len(self.goals) - 1
+        instead = f", or at {more} other place{'s' * (more > 1)}" if more > 0 else ""
         return (
             f", expected at {up_down:.0f} {left_right:.0f} steps (+- {std[0]:.1f} {std[1]:.1f})"
             f"{instead}: g goes there"

@@ -6,6 +6,8 @@ What the coarse lines show at each rough centre, and what is wrong where they sh
 from __future__ import annotations
 
 import itertools
+import json
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -195,7 +197,8 @@ def edges_to_dataset(edges: list[ScanLineEdges]) -> xr.Dataset:
     Returns
     -------
     xarray.Dataset
-        Attribute ``summary`` says for each circle what was seen and what was rejected.
+        Attribute ``summary`` says for each circle what was seen and what was rejected, ``lost``
+        how many candidates were rejected in all for each reason, as JSON.
     """
     sizes = [len(e.std) for e in edges]
     group = dataset.group(
@@ -208,6 +211,8 @@ def edges_to_dataset(edges: list[ScanLineEdges]) -> xr.Dataset:
         phase=np.concatenate([e.phase for e in edges]),
         circle=np.repeat(np.arange(1, len(edges) + 1), sizes),
     )
+    lost = sum((Counter(e.counts()) for e in edges), Counter())
+    group.attrs["lost"] = json.dumps({reason.value: count for reason, count in lost.items()})
     group.attrs["summary"] = "\n".join(f"{e.name}: {e.summary()}" for e in edges)
     return group
 

@@ -10,14 +10,32 @@ from pathlib import Path
 from sldvexp.config.paths import CONFIGURATION, JOURNAL
 from sldvexp.errors import ConfigError, UserError
 
+#: What says before a command that it goes on.
+GO_ON = "go on with: "
 #: How a sentence about the end of a run goes on that tells what is kept.
 LINES_KEPT, SCAN_KEPT = "what was scanned is kept", "the scan is kept"
+
+
+class UnfinishedError(UserError):
+    """Run that has failed and whose scan is kept in a folder, so that it can go on."""
+
+    def __init__(self, told: str, folder: Path):
+        super().__init__(told)
+        self.folder = folder
+
+
+class Stopped(KeyboardInterrupt):
+    """Run that somebody has stopped, with what it has scanned in a folder."""
+
+    def __init__(self, told: str, folder: Path):
+        super().__init__(told)
+        self.folder = folder
 
 
 def how_to_go_on(folder: Path) -> str:
     """Tell how to go on with a run that stops before its end and has scan lines."""
     resume = shlex.quote(f"resume={folder}")
-    return f"{LINES_KEPT}, go on with: sldvexp {resume}"
+    return f"{LINES_KEPT}, {GO_ON}sldvexp {resume}"
 
 
 def has_lines(folder: Path) -> bool:
@@ -31,7 +49,7 @@ def how_to_use_the_scan(folder: Path) -> str:
     resume = shlex.quote(f"resume={folder}")
     return (
         f"{SCAN_KEPT}: mend the configuration's file, or add settings that differ at the end, "
-        f"and go on with: sldvexp {resume}"
+        f"and {GO_ON}sldvexp {resume}"
     )
 
 

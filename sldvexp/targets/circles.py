@@ -21,7 +21,7 @@ from sldvexp.errors import Checks, nearest
 from sldvexp.geometry.circles import LINES, bitangent_jacobian, bitangent_points
 from sldvexp.targets.base import Target, TargetPoints, std_of_bound
 from sldvexp.typing import Array
-from sldvexp.units import LengthUnit
+from sldvexp.units import FARTHEST, LengthUnit, beyond_belief
 
 #: The first lines of a pair are the external ones; they carry the points of Figure 4.1.
 EXTERNAL = 2
@@ -29,6 +29,8 @@ EXTERNAL = 2
 PAIR = re.compile(r"\s*(\d+)\s*-\s*(\d+)\s*")
 #: Sine of the angle between a normal and the object's x axis below which x has no projection.
 PARALLEL = 1e-6
+#: Diameter above which the unit of a circle's numbers is another one, m.
+WIDEST = 10.0
 
 
 @dataclass
@@ -125,6 +127,7 @@ class Circles(Target):
         for one, other in self.all_pairs():
             self._check_apart(checks, one, other)
         self._check_pairs(checks)
+        self._check_unit(checks)
         checks.done()
         checks.require(
             bool(self.selected_pairs()), "circles", "bitangents need two circles on one plane"
@@ -197,6 +200,14 @@ class Circles(Target):
             f"{name}.plane",
             f"there is no plane {circle.plane}; {nearest(circle.plane, self.planes)}",
         )
+
+    def _check_unit(self, checks: Checks) -> None:
+        """Note the first number that is of another unit; others are of that one too."""
+        for number, circle in self.circles.items():
+            for key, most in (("x", FARTHEST), ("y", FARTHEST), ("diameter", WIDEST)):
+                if told := beyond_belief(self.unit, getattr(circle, key), most=most):
+                    checks.require(False, f"circles.{number}.{key}", told)
+                    return
 
     def _check_apart(self, checks: Checks, one: int, other: int) -> None:
         a, b = self.circles[one], self.circles[other]

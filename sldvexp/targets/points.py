@@ -9,7 +9,7 @@ import numpy as np
 from sldvexp.config.registry import register
 from sldvexp.errors import Checks
 from sldvexp.targets.base import Target, TargetPoints, std_of_bound
-from sldvexp.units import LengthUnit
+from sldvexp.units import LengthUnit, beyond_belief
 
 #: Points nearer to their common line than this fraction of its length count as collinear.
 COLLINEAR = 1e-9
@@ -48,6 +48,9 @@ class FiducialPoints(Target):
         checks.non_negative("accuracy", self.accuracy)
         for number, point in self.fiducials.items():
             checks.finite(f"fiducials.{number}", point.x, point.y, point.z)
+            if told := beyond_belief(self.unit, point.x, point.y, point.z):
+                checks.require(False, f"fiducials.{number}", told)
+                break
         checks.require(
             len(self.fiducials) >= 3,
             "fiducials",

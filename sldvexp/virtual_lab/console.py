@@ -15,7 +15,7 @@ import numpy as np
 from sldvexp.config import composing
 from sldvexp.config.experiment import Experiment
 from sldvexp.config.paths import conf_dir
-from sldvexp.errors import UserError
+from sldvexp.errors import UserError, nearest
 from sldvexp.virtual_lab.lab import VirtualLab
 from sldvexp.virtual_lab.scene import Scene
 from sldvexp.virtual_lab.server import LabServer
@@ -125,6 +125,8 @@ def with_planned_stands(experiment: Experiment) -> tuple[Scene, list[str]]:
         if name in rough and (name not in views or off > SAME_STAND):
             views[name], source = rough[name], key
             beside = f", and not {off:.2f} m beside it as scene.views has it" if beside else ""
+        if rough and name not in rough:
+            beside = f", which {key} does not have; {nearest(name, rough)}"
         at = ", ".join(f"{x:.3f}" for x in views[name].place)
         told.append(f"view {name}: the instrument stands at ({at}) m, from {source}{beside}")
     return replace(scene, views=views), told

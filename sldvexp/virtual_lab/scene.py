@@ -194,6 +194,8 @@ class Vibrometer:
             checks.positive(f"{name}.{key}", getattr(self, key))
         for key in ("noise", "burst", "hum", "unflagged_velocity"):
             checks.non_negative(f"{name}.{key}", getattr(self, key))
+        told = f"is a part of full_scale, below 1, not {self.noise}: 0.005 is the usual 0.5 %"
+        checks.require(not self.noise >= 1, f"{name}.noise", told)
         for i, value in enumerate(self.harmonics):
             checks.non_negative(f"{name}.harmonics[{i}]", value)
         for key in ("drop_out", "unflagged"):

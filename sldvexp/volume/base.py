@@ -22,7 +22,7 @@ from sldvexp.geometry import rotation_from_euler
 from sldvexp.image import Interpolation
 from sldvexp.lazy import xarray as xr
 from sldvexp.typing import Array
-from sldvexp.units import LengthUnit
+from sldvexp.units import LengthUnit, beyond_belief
 from sldvexp.volume.samples import Prisms, SampleRule, extruded, tensor_rule
 from sldvexp.volume.surface import (
     TriangulatedSurface,
@@ -163,6 +163,8 @@ class Volume(ABC):
         checks = Checks()
         for name in ("center", "euler"):
             vector(checks, name, getattr(self, name))
+        told = beyond_belief(self.unit, *self.center)
+        checks.require(not told, "center", told)
         self._check_tangent(checks)
         message = f"must be 2 or more, with prisms between them, not {self.layers}"
         checks.require(self.layers >= 2, "layers", message)

@@ -11,6 +11,7 @@ import numpy as np
 from sldvexp.config.registry import register
 from sldvexp.errors import Checks
 from sldvexp.typing import IntArray
+from sldvexp.units import beyond_belief
 from sldvexp.volume.base import Volume, vector
 from sldvexp.volume.surface import TriangulatedSurface
 
@@ -53,6 +54,8 @@ class Grid(Volume):
         vector(checks, "size", self.size, 2)
         for i, side in enumerate(self.size):
             checks.positive(f"size[{i}]", side)
+            told = beyond_belief(self.unit, side)
+            checks.require(not told, f"size[{i}]", told)
         vector(checks, "shape", list(self.shape), 2)
         for i, nodes in enumerate(self.shape):
             message = f"must be 2 nodes or more, not {nodes}"

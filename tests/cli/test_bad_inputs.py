@@ -312,6 +312,16 @@ VALUES = [
 ]
 
 TARGETS = [
+    Bad(
+        "experiment=plate plan.noise=40",
+        "command line: plan.noise is 40 m/s, more than vibrometers measure at all: is plan.unit "
+        "right?",
+    ),
+    Bad(
+        "experiment=plate scene.vibrometer.noise=40",
+        "command line: scene.vibrometer.noise is a part of full_scale, below 1, not 40.0: 0.005 "
+        "is the usual 0.5 %",
+    ),
     on_target(
         "target.circles={1: {diameter: -1}}",
         "target.circles.1.diameter must be a positive number, not -1.0",
@@ -665,7 +675,28 @@ CODE = [
 
 FILES = [
     on_experiment("a: [1,\n", ", line 8: is not YAML: …"),
-    on_experiment("pose: {}\n", ", line 7: is not YAML: found duplicate key pose"),
+    on_experiment("pose: {}\n", ", line 7: pose is there twice, first in line 5; …"),
+    in_folder(
+        "~experiment target=box",
+        "target/box.yaml, line 5: circles.3 is there twice, first in line 4; one of them needs "
+        "another name",
+        target_box="defaults: [schema/circles@_here_, _self_]\nunit: mm\ncircles:\n"
+        "  3: {x: 10, y: 10, diameter: 5}\n  3: {x: 30, y: 10, diameter: 5}\n",
+    ),
+    in_folder(
+        "~experiment target=box",
+        "target/box.yaml: target.circles.3.diameter is 30 m, which no scanning vibrometer "
+        "measures: is the unit m right, or is it mm?",
+        target_box="defaults: [schema/circles@_here_, _self_]\ncircles:\n"
+        "  3: {x: 10, y: 10, diameter: 30}\n  4: {x: 60, y: 10, diameter: 30}\n",
+    ),
+    in_folder(
+        "~experiment target=box",
+        "target/box.yaml: target.fiducials.2 is 300 m, which no scanning vibrometer measures: "
+        "is the unit m right, or is it mm?",
+        target_box="defaults: [schema/points@_here_, _self_]\nfiducials: {1: {x: 0, y: 1}, "
+        "2: {x: 300, y: 10}, 3: {x: 60, y: 400}}\n",
+    ),
     in_folder(
         "experiment=x", "experiment/x.yaml: is not a text file", experiment_x=b"\xff\xfe\x00" * 20
     ),

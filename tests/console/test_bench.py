@@ -152,7 +152,7 @@ def test_three_circles_tell_where_the_fourth_and_the_corners_lie(bench, do, seen
     for limit in (np.min, np.max):
         np.testing.assert_allclose(limit(corners, axis=0), limit(seen_then, axis=0), atol=60)
     assert len(marks["outlines"]) == 5
-    do("move", to=(true[3] + [40, 0]).tolist())
+    do("move", to=(true[3] + [90, 0]).tolist())
     do("mark", kind="circle", number=4)
     residual = {m["number"]: m["residual"] for m in seen.look()["marks"]["marks"]}
     assert residual[4] > 20

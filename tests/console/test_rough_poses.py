@@ -9,12 +9,14 @@ import pytest
 
 from sldvexp.console.bench import AimingBench
 from sldvexp.console.board import NoticeBoard
-from sldvexp.console.outlook import Outlook
+from sldvexp.console.marks import CIRCLE
+from sldvexp.console.outlook import Outlook, _metres, circle_rims
 from sldvexp.console.scanning import Asked, Scanning
 from sldvexp.geometry import KnownPose
 from sldvexp.scan.rectangle import ScanRegion
 from sldvexp.scan.session import Session
 from sldvexp.session.session import scan_views
+from sldvexp.virtual_lab.console import experiment
 from sldvexp.virtual_lab.lab import VirtualLab
 from tests.console.test_bench import Seen
 
@@ -174,3 +176,27 @@ def test_search_each_circle_and_the_image_are_pictures_that_hold_all_their_lines
     assert last["pixels"] == "{0} of {0}".format(last["pixels"].split(" of ")[0])
     shares = [word["part"] for word in told]
     assert shares == sorted(shares)
+
+
+def test_clicks_as_good_as_a_pixel_of_the_page_do_not_contradict_one_another():
+    """On a board of fine steps a click at a circle is hundreds of them beside its middle."""
+    fine = experiment(["experiment=plate", "laser.board=bits_16"])
+    lab = VirtualLab(fine.scene, fine.laser, fine.target, 0)
+    rims = np.array(circle_rims(fine.target))
+    truth = lab.true_dac(rims.mean(axis=1))
+    look = Outlook(fine, {CIRCLE: [1, 2, 3, 4]})
+    rng = np.random.default_rng(3)
+    for _ in range(20):
+        clicks = np.rint(truth + rng.normal(0, 50, truth.shape)).astype(int).tolist()
+        told = look.of({(CIRCLE, k): tuple(c) for k, c in enumerate(clicks, 1)}, "none").told
+        assert "contradict" not in told
+    clicks[1] = [clicks[1][0] + 3000, clicks[1][1]]
+    told = look.of({(CIRCLE, k): tuple(c) for k, c in enumerate(clicks, 1)}, "none").told
+    assert "contradict" in told
+
+
+def test_a_place_has_as_many_digits_as_its_bound():
+    assert _metres(np.array([0.0412, 1.09, 0.985]), 0.0571) == (
+        "(0.041, 1.090, 0.985) m, to a standard deviation of 0.057 m"
+    )
+    assert _metres(np.array([0.0412, 1.09, 0.985])) == "(0.04, 1.09, 0.98) m"

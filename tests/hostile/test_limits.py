@@ -11,6 +11,7 @@ import yaml
 
 from sldvexp import dataset, limits
 from sldvexp.cli.commands import in_order, with_bare_names
+from sldvexp.config.paths import conf_dir
 from sldvexp.config.security import looks_up, require_bounded_line
 from sldvexp.errors import UserError
 from sldvexp.files import read_text
@@ -42,6 +43,25 @@ def test_yaml_is_bounded(good, bad, told):
     assert limits.load_yaml(good) == yaml.safe_load(good)
     with pytest.raises(limits.TooMuchError, match=told):
         limits.load_yaml(bad)
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("a: 1\nb: 2\na: 3", "a is there twice, first in line 1"),
+        ("circles:\n  3: {x: 1}\n  '3': {x: 2}", "circles.3 is there twice, first in line 2"),
+        ("a: [{b: 1}, {b: 2, c: {d: 1, d: 2}}]", "a.c.d is there twice"),
+        ("{? [1, 2] : 3, a: {b: 1}, c: {b: 2}, b: [a, a], a: 3}", "a is there twice"),
+    ],
+)
+def test_a_key_that_is_twice_in_a_table_is_refused(text, told):
+    with pytest.raises(limits.TooMuchError, match=re.escape(told)):
+        limits.require_bounded_yaml(text)
+
+
+def test_packaged_configurations_have_every_key_once():
+    for file in sorted(conf_dir().rglob("*.yaml")):
+        limits.require_bounded_yaml(file.read_text(encoding="utf-8"))
 
 
 def test_yaml_that_is_none_has_the_words_of_the_usual_parser():

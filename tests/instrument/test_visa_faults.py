@@ -50,7 +50,10 @@ CONFIGURING = [
         partial(f.Instead, "*IDN?", text="ACME,scope"),
         r"lab says that it is 'ACME,scope', which the",
     ),
-    (partial(f.Silence, "*IDN?"), r"no answer within 0\.15 s after '\*IDN\?'"),
+    (
+        partial(f.Silence, "*IDN?"),
+        r"'\*IDN\?'; another program may hold the instrument, as a console",
+    ),
     (partial(f.Garbage, "*IDN?"), r"which the profile does not expect \(sldvexp,virtual lab,\)"),
     (partial(f.Disconnect, "GEN:OUTP"), r"the connection was lost"),
 ]

@@ -11,11 +11,11 @@ from sldvexp.config.planning import ForbiddenBox
 from sldvexp.errors import UserError
 from sldvexp.geometry import rotation_towards
 from sldvexp.laser import TwoMirror, project
-from sldvexp.planner.place import Place, TargetMarks, Unseen, crosses, hides_itself
+from sldvexp.planner.place import Place, TargetMarks, Unseen, crosses, hides_itself, of_search
 from sldvexp.planner.search import candidates, examined
 from sldvexp.planner.turning import turned_towards
 from sldvexp.targets import Circle, Circles, Plane, shaded_circles
-from sldvexp.volume import Prisms, TriangulatedSurface, extruded, vertex_normals
+from sldvexp.volume import Grid, Prisms, TriangulatedSurface, extruded, vertex_normals
 from sldvexp.volume.surface import node_frames
 from tests.planner.planned_experiments import SMALL, composed
 
@@ -49,6 +49,15 @@ def test_what_is_to_be_seen_lies_evenly_in_the_ranges_of_the_mirrors():
         angles = project((points - origin) @ rotation.T, laser.mirror_offset)
         off = angles.max(axis=0) + angles.min(axis=0)
         assert np.abs(off).max() < 0.02 * np.ptp(angles, axis=0).max()
+
+
+def test_corners_of_a_surface_are_among_the_nodes_that_stands_are_compared_on():
+    """Else a plan leaves a corner beyond a limit, which its check then says."""
+    for shape in ([29, 19], [40, 5]):
+        grid = Grid(center=[0.66, 0.1, 0.12], size=[0.56, 0.36], shape=shape)
+        nodes = grid.prisms().surface
+        corners = {0, shape[1] - 1, len(nodes) - shape[1], len(nodes) - 1}
+        assert corners <= set(of_search(nodes).tolist())
 
 
 def test_ways_cross_a_box_where_a_point_of_them_is_inside():

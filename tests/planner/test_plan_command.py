@@ -190,6 +190,20 @@ def test_a_plan_is_written_whole_or_not_at_all(sldvexp):
     assert not Path("lab/experiment/monday.yaml").exists()
 
 
+@pytest.mark.parametrize("folder", ["taken/lab", "/proc/nope"])
+def test_a_folder_that_takes_no_files_is_told_before_a_plan_is_looked_for(
+    folder, sldvexp, monkeypatch
+):
+    def planned(*_):
+        raise AssertionError("it was computed")
+
+    monkeypatch.setattr("sldvexp.planner.plan", planned)
+    Path("taken").write_text("a file")
+    done = sldvexp("plan", *QUICK, "--to", folder)
+    assert done.status == 1
+    assert f"{folder}/experiment/planned.yaml: cannot be written: " in done.err
+
+
 @pytest.mark.whole
 def test_the_next_stand_is_written_beside_those_that_are_there(sldvexp):
     done = sldvexp("plan", "next", *QUICK, "--to", "lab")

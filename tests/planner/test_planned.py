@@ -11,7 +11,7 @@ from sldvexp import planner
 from sldvexp.errors import UserError
 from sldvexp.planner import StandPlan
 from sldvexp.planner.criterion import Goal, covariance_of
-from sldvexp.planner.place import NODES_FOR_SEARCH, Place, spread
+from sldvexp.planner.place import Place, of_search
 from sldvexp.planner.search import candidates
 from sldvexp.planner.turning import angles_of
 from tests.planner.planned_experiments import SMALL, composed
@@ -28,7 +28,7 @@ def compared(settings: tuple[str, ...], layouts: int) -> tuple[float, float]:
     e = composed("experiment=plate", *settings)
     found = planner.plan(e)
     place = Place.from_experiment(e)
-    chosen = spread(place.nodes, NODES_FOR_SEARCH)
+    chosen = of_search(place.nodes)
     thinned = place.with_nodes(chosen)
     looks = candidates(thinned, e.plan.candidates, np.random.default_rng(99)).examined.looks
     goal = Goal.evenly(found.goal.wanted[chosen], found.goal.criterion)

@@ -37,7 +37,7 @@ export class Scan {
 
   update(steering) {
     const now = this.now ?? {}, free = now.running && !this.asked;  // who is asked answers first
-    const can = { pause: free && !now.paused, "go-on": now.paused, again: free, "again-bad": free, skip: free, stop: now.running };
+    const can = { pause: free && !now.paused, "go-on": now.paused || now.resumable && !now.running, again: free, "again-bad": free, skip: free, stop: now.running };
     for (const [id, possible] of Object.entries(can)) $(id).disabled = !(steering && possible);
   }
 

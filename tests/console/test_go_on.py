@@ -1,0 +1,84 @@
+"""A scan that has failed goes on in the console that began it, and one that was cut off before."""
+
+from __future__ import annotations
+
+import pytest
+
+from sldvexp.console import Console
+from sldvexp.instrument import NOT_HOME
+from sldvexp.session.interruption import UnfinishedError, how_to_go_on
+from tests.console.test_bench import Seen
+
+
+@pytest.fixture
+def console(lab_experiment, tmp_path):
+    """A console whose runs fail once, and are done when they go on; what was run."""
+    runs = []
+
+    def run(settings, watcher, operator):
+        runs.append(list(settings))
+        if len(runs) == 1:
+            told = f"sampling: no answer; {NOT_HOME}: lost; {how_to_go_on(tmp_path)}"
+            raise UnfinishedError(told, tmp_path)
+        raise KeyboardInterrupt
+
+    def made(unfinished=None):
+        return Console(
+            lab_experiment,
+            ["experiment=plate"],
+            tmp_path,
+            lambda settings: lab_experiment,
+            run,
+            unfinished=unfinished,
+        )
+
+    return made, runs
+
+
+def test_scan_that_failed_goes_on_here_and_the_instrument_is_doubted_until_it_answers(
+    console, tmp_path
+):
+    made, runs = console
+    one = made()
+    seen = Seen(one.board)
+    one.bench.further["scan"]({"do": "scan"})
+    topics = seen.look()
+    assert topics["scan"]["resumable"]
+    assert not topics["scan"]["running"]
+    for told in (topics["said"]["text"], topics["scan"]["told"], topics["result"]["told"]):
+        assert "Go on does that here, or once this console has ended: sldvexp " in told
+        assert NOT_HOME in told
+    one.bench.steered = True
+    one.bench._tell_level()
+    topics = seen.look()
+    assert topics["said"]["text"] == "The instrument answers again."
+    for told in (topics["scan"]["told"], topics["result"]["told"]):
+        assert NOT_HOME not in told
+        assert "sampling: no answer; what was scanned is kept, Go on" in told
+    with pytest.raises(KeyboardInterrupt):
+        one.bench.further["go_on"]({"do": "go_on"})
+    assert runs[1] == [f"resume={tmp_path}"]
+
+
+def test_console_of_a_run_that_was_cut_off_offers_to_go_on(console, tmp_path):
+    made, _ = console
+    scan = Seen(made(tmp_path).board).look()["scan"]
+    assert scan["resumable"]
+    assert "Go on scans what is missing" in scan["told"]
+    one = made()
+    one.bench._safely(lambda: one.bench.further["go_on"]({"do": "go_on"}))
+    assert Seen(one.board).look()["said"]["text"] == "there is no scan to go on with"
+
+
+def test_scan_that_begins_says_so_before_the_session_tells_of_it(lab_experiment, tmp_path):
+    told = []
+
+    def run(settings, watcher, operator):
+        told.append(seen.look()["scan"]["told"])
+        raise UnfinishedError("no", tmp_path)
+
+    words = ["experiment=plate"]
+    one = Console(lab_experiment, words, tmp_path, lambda settings: lab_experiment, run)
+    seen = Seen(one.board)
+    one.bench.further["scan"]({"do": "scan"})
+    assert told[0].startswith("The scan begins: ")
