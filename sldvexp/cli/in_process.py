@@ -21,7 +21,7 @@ from sldvexp.limits import shown
 from sldvexp.session.interruption import (
     LINES_KEPT,
     SCAN_KEPT,
-    Stopped,
+    InterruptedRun,
     UnfinishedError,
     has_lines,
     how_to_go_on,
@@ -102,7 +102,7 @@ def watched_run(
     ------
     UserError
         For a mistake in the settings or the data, with the sentence that the command prints.
-    UnfinishedError, Stopped
+    UnfinishedError, InterruptedRun
         If some of its scan is kept; it says too how it goes on.
     """
     added = ["--config-dir", config_dir] if Path(config_dir).is_dir() else []
@@ -114,7 +114,7 @@ def watched_run(
     except KeyboardInterrupt as stop:
         if call.folder is None or not has_lines(call.folder):
             raise
-        raise Stopped(str(stop), call.folder) from stop
+        raise InterruptedRun(str(stop), call.folder) from stop
     if call.told:
         told = "\n".join(call.told)
         said = LINES_KEPT in told or SCAN_KEPT in told

@@ -30,7 +30,7 @@ from sldvexp.session.interruption import (
     GO_ON,
     LINES_KEPT,
     SCAN_KEPT,
-    Stopped,
+    InterruptedRun,
     UnfinishedError,
 )
 
@@ -229,7 +229,7 @@ class Console:
 
     def _kept(self, error: BaseException) -> str:
         """Say why a run ended, and how the console itself goes on with it."""
-        if isinstance(error, UnfinishedError | Stopped):
+        if isinstance(error, UnfinishedError | InterruptedRun):
             self._unfinished = error.folder
         here = "Go on does that here, or once this console has ended: "
         return str(error).replace(GO_ON, here)

@@ -24,7 +24,7 @@ class UnfinishedError(UserError):
         self.folder = folder
 
 
-class Stopped(KeyboardInterrupt):
+class InterruptedRun(KeyboardInterrupt):
     """Run that somebody has stopped, with what it has scanned in a folder."""
 
     def __init__(self, told: str, folder: Path):

@@ -70,3 +70,11 @@ def test_a_plan_sets_a_stride_only_where_the_given_one_is_too_small(views, strid
         assert coarse["stride"] > stride
     else:
         assert coarse["stride"] == (None if expected == "none" else stride)
+
+
+def test_circles_that_the_mirrors_do_not_reach_have_no_lines():
+    """All of their outline lies at the ends of the mirrors then, which is no ellipse."""
+    _, place, _ = two_stands(None, True)
+    away = KnownPose(origin=[0.3, 0.1, 1.0], look_at=[3.0, 0.1, 0.9])
+    stand = known_stand("away", away.place, np.array(away.look_at), away.rotation, place)
+    np.testing.assert_array_equal(half_chords_of(stand, place, 3), 0.0)
