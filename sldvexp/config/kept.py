@@ -67,9 +67,10 @@ def _folder() -> str:
     root = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
     folder = os.path.join(root, CACHE)
     with suppress(OSError):
-        os.makedirs(root, exist_ok=True)
-        with suppress(FileExistsError):
-            os.mkdir(folder, 0o700)
+        if not os.path.isdir(folder):
+            os.makedirs(root, exist_ok=True)
+            with suppress(FileExistsError):
+                os.mkdir(folder, 0o700)
         if _is_own(os.lstat(folder), stat.S_ISDIR, 0o077):
             return folder
     return ""
