@@ -149,7 +149,8 @@ def test_bounds_have_the_pointing_noise_of_whole_scans_in_them(shaky, method):
 @pytest.mark.parametrize("method", [Bitangent(), Edge()], ids=lambda m: m.name)
 def test_pointing_noise_of_a_whole_scan_is_found(method):
     errors, std, _, (kinds,) = Scans(1, SMALL, pointing=0.4).poses(method)
-    assert kinds == {"pointing"}
+    # Mirrors that jitter lose some edges as well: no profile fits them.
+    assert kinds - {"edges"} == {"pointing"}
     assert (np.abs(errors) < 4 * std).all()
 
 
