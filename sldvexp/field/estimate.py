@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from sldvexp.dataset import with_findings
 from sldvexp.errors import UserError
 from sldvexp.field.bounds.advice import advice
 from sldvexp.field.bounds.calibration import calibration_changes
@@ -142,7 +143,8 @@ def reconstruct(
     image = tree[f"image/{visibility.names[0]}"]
     frequency = image["frequency"].values if "frequency" in image.coords else None
     errors = PoseErrors.from_dataset(tree["pose"], visibility.names)
-    return _in_volume(visibility, volume, method, solver, frequency, errors=errors).to_dataset()
+    found = _in_volume(visibility, volume, method, solver, frequency, errors=errors)
+    return with_findings(found.to_dataset(), visibility.findings)
 
 
 def _in_volume(

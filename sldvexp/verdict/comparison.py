@@ -29,7 +29,7 @@ from sldvexp.verdict.smooth_field import SmoothField
 #: Tests of every view.
 TESTS = ("factor", "pose", "origin", "whole")
 #: Intervals of the smooth field along the longest side; more are tried while the misfit falls.
-INTERVALS = (3, 5, 7, 10)
+INTERVALS = (3, 5, 7, 10, 14, 18)
 #: Relative fall of the misfit that a finer field must bring.
 FALL = 0.02
 #: F of a view that the fit has moved off the surface.

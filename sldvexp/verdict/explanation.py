@@ -16,6 +16,8 @@ from sldvexp.typing import Array
 FAMILY = 0.01
 #: Views below which nothing can be tested between them: three components take three views.
 LEAST_VIEWS = 4
+#: Misfit, over that of the stated noise, above which bounds are too small.
+LARGE_MISFIT = 1.21
 #: Least number of pixels that a view is compared by.
 LEAST_PIXELS = 30
 #: Named factors that a view may be wrong by.

@@ -16,6 +16,7 @@ import numpy as np
 
 from sldvexp.dataset import Finding, Severity
 from sldvexp.field import View
+from sldvexp.field.bounds.pointing import pointing_std
 from sldvexp.field.visibility.holes import by_hole, nodes_in_holes
 from sldvexp.field.visibility.view import views_of
 from sldvexp.laser import TwoMirror
@@ -28,15 +29,23 @@ from sldvexp.verdict.beams import MeasuredSurface, PixelBeams
 from sldvexp.verdict.comparison import Bench, bench_of, compare_views, stated_covariance
 from sldvexp.verdict.diagnosis import diagnose
 from sldvexp.verdict.drop_outs import disagreeing, drop_outs, outliers, resting, used_pixels
-from sldvexp.verdict.explanation import LEAST_PIXELS, LEAST_VIEWS, tells_views_apart
+from sldvexp.verdict.explanation import (
+    LARGE_MISFIT,
+    LEAST_PIXELS,
+    LEAST_VIEWS,
+    ViewTests,
+    tells_views_apart,
+)
 from sldvexp.verdict.joint_fit import JointFit
 from sldvexp.verdict.lines import at_few_lines, carried_over
+from sldvexp.verdict.pointing_noise import pointing_noise
 from sldvexp.verdict.refinement import moved_poses, refine
 from sldvexp.verdict.repairs import Repair, examined_repairs
 from sldvexp.verdict.wording import (
     disagreement,
     noise_finding,
     not_compared,
+    pointing_finding,
     unexplained,
     untested,
 )
@@ -234,12 +243,21 @@ class _Examination:
             self.findings.append(not_compared(few))
         return [view for view in views if view.name not in few]
 
+    def _of_pointing(self, bench: Bench, fit: JointFit, tests: ViewTests) -> Finding | None:
+        """Name the mirrors' pointing if that is the noise which is not stated."""
+        laser = self.surface.laser
+        step = pointing_noise(fit, laser) if tests.misfit > LARGE_MISFIT else None
+        if step is None:
+            return None
+        known = np.mean([pointing_std(laser.pointing_std, d.view) ** 2 for d in bench.data])
+        return pointing_finding(tests, step, float(np.sqrt(known)))
+
     def _agree(self, bench: Bench, fit: JointFit) -> bool:
         """Test the views; False if one is wrong, which is then named."""
         tests = compare_views(bench, fit)
         if not tests.rejects:
             if bench.stated and (noise := noise_finding(tests)):
-                self.findings.append(noise)
+                self.findings.append(self._of_pointing(bench, fit, tests) or noise)
             return True
         ranked = diagnose(bench, fit)
         if not ranked[0].view:

@@ -7,11 +7,15 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from sldvexp.dataset import Finding, Severity
-from sldvexp.verdict.explanation import LEAST_PIXELS, LEAST_VIEWS, Explanation, ViewTests
+from sldvexp.verdict.explanation import (
+    LARGE_MISFIT,
+    LEAST_PIXELS,
+    LEAST_VIEWS,
+    Explanation,
+    ViewTests,
+)
 from sldvexp.verdict.repairs import Repair
 
-#: Misfit, over that of the stated noise, above which bounds are too small.
-LARGE_MISFIT = 1.21
 #: Probability below which the stated noise is not what the pixels have.
 OFF_NOISE = 1e-3
 #: Probability below which a small mistake too voids the bounds.
@@ -22,6 +26,10 @@ STILL = 0.05
 SEEN = 3.0
 #: Kinds that void the bounds, however sure.
 GROSS = ("sign", "conjugate", "conjugate_sign", "rms", "inverse_rms", "other_field", "exchanged")
+
+
+#: Part of the pointing noise that bounds must count.
+COUNTED = 0.8
 
 
 def untested(views: int, why: str) -> Finding:
@@ -55,6 +63,38 @@ def not_compared(pixels: Mapping[str, int]) -> Finding:
         f"{which} cannot be compared with others: only {', '.join(map(str, pixels.values()))} "
         f"usable pixels see the surface, and it takes {LEAST_PIXELS}",
         Severity.note,
+    )
+
+
+def pointing_finding(tests: ViewTests, step: float, known: float) -> Finding:
+    """Say that the mirrors' pointing explains the misfit; harmless where the bounds hold it.
+
+    Parameters
+    ----------
+    step, known : float
+        Pointing noise that explains it, and what the bounds count, DAC steps.
+    """
+    told = (
+        f"the pixels lie {np.sqrt(tests.misfit):.2f} times their stated noise off a smooth field "
+        f"of all views, where the images are steep: the mirrors come to rest {step:.2g} DAC steps "
+        "(r.m.s.) beside where they are sent"
+    )
+    counted = known >= COUNTED * step
+    if counted:
+        told += f"; bounds count {known:.2g}"
+    else:
+        told += (
+            f"; bounds count {known:.2g} and are too small; laser.pointing_std={step:.2g} is right"
+        )
+    return Finding(
+        "noise",
+        "views",
+        told,
+        Severity.note if counted else Severity.doubtful,
+        tests.misfit,
+        tests.misfit_p_value,
+        step,
+        "" if counted else f"laser.pointing_std={step:.2g}",
     )
 
 

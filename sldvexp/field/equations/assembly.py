@@ -25,6 +25,8 @@ from sldvexp.typing import Array, BoolArray
 MANY_COLUMNS = 32
 #: Part of a node's samples that must determine something for the node to count as determined.
 SMALLEST_PART = 0.02
+#: Part of a node's samples that may be missing where none of the prisms at it has them all.
+MISSING = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,9 +94,11 @@ class EquationSums:
         prisms, model = parts.visibility.prisms, parts.model
         shape = (prisms.layers, prisms.surface_nodes, model.parameters)
         self.parts, self.data = parts, data
+        self.one_by_one = model.contravariant
         self.assembly = Assembly(parts.graph, parts.visibility.rule, prisms.layers, model.block)
         self.right = np.zeros((*shape, data[0].shape[1]))
         self.ranked, self.whole = np.zeros(shape), np.zeros(shape)
+        self.complete = np.zeros(shape)
         self.rows = self.samples = 0
         self.coverage: list[Coverage] = []
 
@@ -105,6 +109,7 @@ class EquationSums:
         self.right[:, nodes] += _right_side(part, self.data)
         self.ranked[:, nodes] += part.patch.to_nodes(_ranked(at, part.model.parameters))
         self.whole[:, nodes] += part.patch.to_nodes(np.ones((len(part.samples.position), 1)))
+        self.complete[:, nodes] += part.patch.to_nodes(_of_whole_prisms(part))
         self.rows += int(at.pointwise.rows.sum())
         self.samples += int(at.pointwise.kept.sum())
         seen = zip(part.visibility.views, part.samples.by_view, strict=True)
@@ -116,6 +121,8 @@ class EquationSums:
         """Finish the equations."""
         require_coverage(self.coverage)
         ranked = self.ranked / self.whole
+        if self.one_by_one:  # few samples of some prisms are fewer than these have corners
+            ranked[(ranked < 1 - MISSING) & (self.complete == 0)] = 0.0
         system = self.assembly.system(ranked[..., 0] >= SMALLEST_PART)
         coverage = tuple(self.coverage)
         return Equations(system, self.right, ranked, self.rows, self.samples, coverage)
@@ -155,6 +162,12 @@ def real_columns(velocity: NDArray[np.complexfloating], usable: BoolArray) -> Ar
     """Turn complex (pixel, frequency) into real (pixel, column); 0 where not usable."""
     columns = np.where(usable[:, None], velocity, 0.0).astype(complex, order="C", copy=False)
     return columns.view(float)
+
+
+def _of_whole_prisms(part: RegionSamples) -> Array:
+    """Put 1 at samples of prisms that have lost none, shape (sample, 1)."""
+    kept = part.at.pointwise.kept.reshape(-1, part.visibility.rule.points)
+    return np.repeat(kept.all(axis=1), kept.shape[1])[:, None].astype(float)
 
 
 def _ranked(at: SampleContributions, parameters: int) -> Array:

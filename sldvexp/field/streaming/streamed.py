@@ -227,7 +227,7 @@ def stream_field(
     cubic = visibility.interpolation is Interpolation.cubic
     advised = advice(mean, tuple(map(str, whole["component"].values)), cubic)
     whole.attrs["notes"] = "\n".join([*ready.messages, *advised])
-    return whole
+    return dataset.with_findings(whole, visibility.findings)
 
 
 def joined_blocks(groups: Iterable[xr.Dataset], folder: Path) -> xr.Dataset:

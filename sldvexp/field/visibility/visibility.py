@@ -13,7 +13,9 @@ from typing import Any, Self
 
 import numpy as np
 
+from sldvexp.dataset import Finding
 from sldvexp.field.threads import side_by_side
+from sldvexp.field.visibility.background import background_findings, without_background
 from sldvexp.field.visibility.projection import GRAZING, Occlusion, ViewSamples, project_samples
 from sldvexp.field.visibility.view import View, require_usable
 from sldvexp.image import Interpolation, Interpolator
@@ -95,7 +97,7 @@ class VolumeVisibility:
         volume: Volume,
         prisms: Prisms | None = None,
     ) -> Self:
-        """Find what views see of a configured volume.
+        """Find what views see of a configured volume, without the background beside it.
 
         Parameters
         ----------
@@ -106,7 +108,7 @@ class VolumeVisibility:
         sight, grazing = volume.sight, np.radians(volume.sight.grazing)
         thickness = float(np.ptp(prisms.depth))
         return cls(
-            views,
+            without_background(views, laser, prisms),
             laser,
             prisms,
             volume.rule(),
@@ -130,6 +132,11 @@ class VolumeVisibility:
     def names(self) -> tuple[str, ...]:
         """Names of the views."""
         return tuple(v.name for v in self.views)
+
+    @property
+    def findings(self) -> list[Finding]:
+        """Views that lose places of the surface next to a background at rest."""
+        return background_findings(self.views, self.laser, self.prisms)
 
     @property
     def interpolation_errors(self) -> list[scipy.sparse.csr_array]:

@@ -1,0 +1,64 @@
+"""Pointing noise is told from other noise that is not stated, with its size."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sldvexp.dataset import Severity
+from sldvexp.field.bounds.pose_uncertainty import pose_covariance
+from sldvexp.field.visibility.projection import angle_slope
+from sldvexp.verdict.comparison import bench_of, compare_views
+from sldvexp.verdict.joint_fit import JointFit
+from sldvexp.verdict.pointing_noise import pointing_noise
+from sldvexp.verdict.wording import pointing_finding
+
+from .simulated_views import LASER, session
+
+#: Angle that spoils steep pixels as much as the stated noise does, rad.
+ANGLE = 8e-4
+
+
+def fitted(angle=0.0, white=0.0, seed=1) -> JointFit:
+    """Fit views whose mirrors rest beside their steps, or whose noise is larger everywhere."""
+    rng = np.random.default_rng(seed)
+    made = session(rng)
+    bench = bench_of(made.views, made.surface, pose_covariance(made.views, None))
+    fit, data = bench.fit(), []
+    for of, design in zip(bench.data, fit.designs, strict=True):
+        turns = design.pose_columns(fit.m)[:, :2]
+        drawn = angle * rng.standard_normal(turns.shape[:2])
+        off = np.einsum("pi,pic->pc", drawn, turns) + white * rng.standard_normal(turns[:, 0].shape)
+        real, imaginary = np.split(off, 2, axis=1)
+        velocity = of.velocity.copy()
+        velocity[design.present] += real + 1j * imaginary
+        data.append(replace(of, velocity=velocity))
+    return replace(bench, data=data).fit()
+
+
+def step() -> float:
+    """Give the angle of a DAC step about the middle, rad."""
+    return float(np.abs(angle_slope(LASER, np.zeros(2))).mean())
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_pointing_noise_is_found_with_its_size(seed):
+    found = pointing_noise(fitted(angle=ANGLE, seed=seed), LASER)
+    assert found == pytest.approx(ANGLE / step(), rel=0.1)
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_noise_that_is_larger_everywhere_is_not_named_pointing(seed):
+    assert pointing_noise(fitted(white=2.0, seed=seed), LASER) is None
+
+
+def test_pointing_that_bounds_count_is_a_note_and_otherwise_has_a_remedy():
+    made = session(np.random.default_rng(1))
+    bench = bench_of(made.views, made.surface, pose_covariance(made.views, None))
+    tests = compare_views(bench, bench.fit())
+    assert pointing_finding(tests, 1.0, 0.9).severity is Severity.note
+    missing = pointing_finding(tests, 1.0, 0.4)
+    assert missing.severity is Severity.doubtful
+    assert missing.remedy == "laser.pointing_std=1"
