@@ -56,6 +56,8 @@ MOST_LEFT_OUT = 0.15
 #: Probability below which pixels beyond `FAR` standard errors are more than chance gives.
 CHANCE = 1e-4
 FAR = 5.0
+#: Part of the misfit that may be left to a finer field where the mirrors' pointing is judged.
+FOLLOWED = 0.1
 #: Views that a field of three components takes.
 LEAST = 3
 
@@ -244,9 +246,14 @@ class _Examination:
         return [view for view in views if view.name not in few]
 
     def _of_pointing(self, bench: Bench, fit: JointFit, tests: ViewTests) -> Finding | None:
-        """Name the mirrors' pointing if that is the noise which is not stated."""
+        """Name the mirrors' pointing if that is the noise which is not stated.
+
+        What the test's field cannot follow is large where images bend, much as pointing noise is.
+        """
         laser = self.surface.laser
-        step = pointing_noise(fit, laser) if tests.misfit > LARGE_MISFIT else None
+        if tests.misfit <= LARGE_MISFIT or bench.truncation > FOLLOWED:
+            return None
+        step = pointing_noise(fit, laser)
         if step is None:
             return None
         known = np.mean([pointing_std(laser.pointing_std, d.view) ** 2 for d in bench.data])

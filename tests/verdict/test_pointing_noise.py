@@ -10,7 +10,7 @@ import pytest
 from sldvexp.dataset import Severity
 from sldvexp.field.bounds.pose_uncertainty import pose_covariance
 from sldvexp.field.visibility.projection import angle_slope
-from sldvexp.verdict.comparison import bench_of, compare_views
+from sldvexp.verdict.comparison import _truncation, bench_of, compare_views
 from sldvexp.verdict.joint_fit import JointFit
 from sldvexp.verdict.pointing_noise import pointing_noise
 from sldvexp.verdict.wording import pointing_finding
@@ -62,3 +62,13 @@ def test_pointing_that_bounds_count_is_a_note_and_otherwise_has_a_remedy():
     missing = pointing_finding(tests, 1.0, 0.4)
     assert missing.severity is Severity.doubtful
     assert missing.remedy == "laser.pointing_std=1"
+
+
+def test_what_finer_knots_would_take_away_is_extrapolated():
+    """Of errors as the fourth power of the knots' distance, a variance of 1 beside them."""
+
+    def misfit(intervals: int) -> float:
+        return 1.0 + 1e9 / intervals**8
+
+    found = _truncation(misfit(7), misfit(10), 0.7)
+    assert found == pytest.approx((misfit(10) - 1.0) / misfit(10))
