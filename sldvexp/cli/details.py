@@ -30,7 +30,7 @@ from sldvexp.sweep.summary import SWEEP_FILE, print_ranking
 #: Folder of Hydra in that of every run, and the log beside it.
 HYDRA_FOLDER, LOG_FILE = ".hydra", "sldvexp.log"
 #: Last word of the command in a log.
-LAST_WORD = re.compile(r"^\[[^]]*\]\[sldvexp\.cli\.main\]\[\w+\] - (.*)$", re.MULTILINE)
+LAST_WORD = re.compile(r"^\[[^]]*\]\[sldvexp\.cli\.command\]\[\w+\] - (.*)$", re.MULTILINE)
 
 
 def print_details(given: Path) -> None:

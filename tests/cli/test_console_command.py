@@ -74,7 +74,7 @@ def planned(monkeypatch):
     now, after = plan(2e-3, undetermined=4), plan(1e-3, added=(stand,))
     monkeypatch.setattr(planner, "check_stands", lambda *_: now)
     monkeypatch.setattr(planner, "next_stand", lambda *_: after)
-    monkeypatch.setattr(console, "_drawn", lambda plan: b"drawn")
+    monkeypatch.setattr(console, "_drawn", lambda plan, width=None: b"drawn")
 
 
 VOLUME = Grid(size=[0.3, 0.2], shape=[5, 4], layers=2)

@@ -175,7 +175,7 @@ MISTAKES = {
         "  lab: x\n  x:\n    identify",
         "devices.lab must be a tabl",
     ),
-    "twice": ("settle: 0.0", "settle: 0.0\nsettle: 1.0", r"line \d+: .* settle is given twice"),
+    "twice": ("settle: 0.0", "settle: 0.0\nsettle: 1.0", r"line \d+: .* settle is there twice"),
     "not yaml": ("settle: 0.0", "settle: 0.0: [", r"line \d+: is not a profile: "),
 }
 
