@@ -102,12 +102,16 @@ class VisibilitySettings:
         it, and the place of a view's instrument tells which of them it looks at.
     occlusion : bool
         Leave out what the surface itself hides from a view, which only curved ones do.
+    background : bool
+        Use pixels beside the structure that are at rest as if they were on it, as Chapter 5 does;
+        otherwise fields of elements have no part of them.
     """
 
     interpolation: Interpolation = Interpolation.auto
     grazing: float = 75.0
     both_sides: bool = False
     occlusion: bool = False
+    background: bool = False
 
     def check(self, checks: Checks, name: str) -> None:
         """Note under `name` what is wrong."""

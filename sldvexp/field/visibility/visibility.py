@@ -97,7 +97,7 @@ class VolumeVisibility:
         volume: Volume,
         prisms: Prisms | None = None,
     ) -> Self:
-        """Find what views see of a configured volume, without the background beside it.
+        """Find what views see of a configured volume, as `VisibilitySettings` say.
 
         Parameters
         ----------
@@ -107,8 +107,9 @@ class VolumeVisibility:
         prisms = volume.prisms() if prisms is None else prisms
         sight, grazing = volume.sight, np.radians(volume.sight.grazing)
         thickness = float(np.ptp(prisms.depth))
+        own = views if sight.background else without_background(views, laser, prisms)
         return cls(
-            without_background(views, laser, prisms),
+            own,
             laser,
             prisms,
             volume.rule(),
