@@ -261,6 +261,8 @@ def test_efficiency(
         ratio = (best.std_noise / other.std_noise)[..., 0] ** 2
         # Samples' errors are shared, so that another method may be better by little.
         np.testing.assert_allclose(other.efficiency, np.minimum(ratio, 1), rtol=1e-6)
-        assert np.median(ratio) < 1.02
+        known = np.isfinite(ratio)  # nodes around flagged pixels may have too few samples
+        assert known.mean() > 0.8
+        assert np.median(ratio[known]) < 1.02
     # Samples that few views see spoil their nodes, and it says so.
     assert np.nanmin(other.efficiency) < 0.2

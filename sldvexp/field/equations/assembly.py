@@ -26,7 +26,7 @@ MANY_COLUMNS = 32
 #: Part of a node's samples that must determine something for the node to count as determined.
 SMALLEST_PART = 0.02
 #: Part of a node's samples that may be missing where none of the prisms at it has them all.
-MISSING = 0.5
+MISSING = 0.8
 
 
 @dataclass(frozen=True, eq=False)
