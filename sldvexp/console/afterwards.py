@@ -83,9 +83,9 @@ class Afterwards:
         """Tell nothing more after what has been taken."""
         self._work.put(None)
 
-    def join(self) -> None:
-        """Wait until all is told, once the end is said."""
-        self._thread.join()
+    def join(self, seconds: float | None = None) -> None:
+        """Wait until all is told, once the end is said, or so long."""
+        self._thread.join(seconds)
 
     def _do(self) -> None:
         while (taken := self._work.get()) is not None:

@@ -36,6 +36,9 @@ from sldvexp.session.interruption import (
 
 log = logging.getLogger(__name__)
 
+#: How long the end waits for advice that is being computed, s.
+PATIENCE = 30.0
+
 #: Progress before a session tells of any.
 BEGINS = "The scan begins: the configuration is read and the instrument is opened …"
 #: Scan of which nothing is going on.
@@ -89,6 +92,7 @@ class Console:
         self._compose, self._run, self._advise = compose, run, advise
         self._page: Path | None = None
         self._plan, self._plans = Advice([]), 0
+        self._advising: list[threading.Thread] = []
         self._ours: dict[Path, str] = {}  # files that were written, as they were
         self._unfinished = unfinished
         self._last: tuple[Scanning, str] | None = None  # scan that has ended, and why
@@ -117,6 +121,11 @@ class Console:
 
     def __exit__(self, *exception: object) -> None:
         self.server.__exit__(*exception)
+        # A thread that draws while the interpreter ends aborts the process.
+        for thread in self._advising:
+            thread.join(PATIENCE)
+        if self._last is not None:
+            self._last[0].join(PATIENCE)
 
     def serve(self) -> None:
         """Aim and scan as the controller wishes, until Ctrl-C."""
@@ -206,7 +215,9 @@ class Console:
         if self._advise is None:
             raise UserError("nobody can say what these stands reach")
         self.board.tell("planned", {"told": ["Computing what these stands reach …"], "figure": 0})
-        threading.Thread(target=self._advise_beforehand, name="plan", daemon=True).start()
+        thread = threading.Thread(target=self._advise_beforehand, name="plan", daemon=True)
+        self._advising = [*filter(threading.Thread.is_alive, self._advising), thread]
+        thread.start()
 
     def _advise_beforehand(self) -> None:
         assert self._advise is not None

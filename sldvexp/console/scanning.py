@@ -157,6 +157,10 @@ class Scanning(Watcher):
         self.board.tell("ask", None)
         self._tell()
 
+    def join(self, seconds: float) -> None:
+        """Wait so long, after the end, for what is still being told of the views."""
+        self._afterwards.join(seconds)
+
     def retell(self, why: str) -> None:
         """Tell in other words why nothing is scanned any more."""
         self._why = why
