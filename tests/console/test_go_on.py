@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import threading
+
 import pytest
 
 from sldvexp.console import Console
+from sldvexp.console.afterwards import Advice
 from sldvexp.instrument import NOT_HOME
 from sldvexp.session.interruption import UnfinishedError, how_to_go_on
 from tests.console.test_bench import Seen
@@ -82,3 +85,24 @@ def test_scan_that_begins_says_so_before_the_session_tells_of_it(lab_experiment,
     seen = Seen(one.board)
     one.bench.further["scan"]({"do": "scan"})
     assert told[0].startswith("The scan begins: ")
+
+
+def test_the_end_waits_for_advice_that_is_computed(lab_experiment, tmp_path):
+    """A thread that draws while the interpreter ends aborts the process."""
+    begun, finish, ended = threading.Event(), threading.Event(), []
+
+    def advise(experiment, groups):
+        begun.set()
+        finish.wait()
+        ended.append(True)
+        return Advice(["enough"])
+
+    words = ["experiment=plate"]
+    one = Console(
+        lab_experiment, words, tmp_path, lambda settings: lab_experiment, None, advise=advise
+    )
+    with one:
+        one.bench.further["plan"]({"do": "plan"})
+        begun.wait()
+        threading.Timer(0.2, finish.set).start()
+    assert ended == [True]
