@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from sldvexp.errors import UserError
-from sldvexp.field.bounds.efficiency import LeastVariance, least_variance_model
+from sldvexp.field.bounds.efficiency import UNKNOWN, LeastVariance, least_variance_model
 from sldvexp.field.bounds.intercept_test import INTERCEPT, InterceptTest
 from sldvexp.field.bounds.pose_uncertainty import PoseEffect
 from sldvexp.field.bounds.residuals_and_bounds import FieldBounds, with_bounds
@@ -23,6 +23,7 @@ from sldvexp.field.equations.sample_model import FieldModel
 from sldvexp.field.equations.system import Solve, solution
 from sldvexp.field.equations.undetermined import (
     Observability,
+    constrain_singular,
     describe_undetermined,
     factorise,
     find_undetermined,
@@ -51,6 +52,8 @@ class FieldFit:
     best : LeastVariance, optional
         What bounds are compared with.
     theta : ndarray, shape (layer, surface_node, parameter, column)
+    notes : tuple of str
+        What is not known of it, in sentences.
     """
 
     parts: RegionIterator
@@ -61,6 +64,7 @@ class FieldFit:
     roughly: Solve
     theta: Array
     best: LeastVariance | None = None
+    notes: tuple[str, ...] = ()
 
     @classmethod
     def from_images(
@@ -95,6 +99,11 @@ class FieldFit:
             best = LeastVariance.from_equations(of_best, others)
         hole = nodes_in_holes(visibility.views, visibility.laser, visibility.prisms)
         found = find_undetermined(equations, hole)
+        if bounds:
+            firm, left = constrain_singular(equations, found)
+            if found.observable.any() and not left.observable.any():
+                factorise(solver, equations, found)  # which may say why
+            equations, found = firm, left
         if not found.observable.any():
             raise UserError(
                 f"field: nothing is determined anywhere by the rows {parts.model.rows}; "
@@ -103,12 +112,13 @@ class FieldFit:
         equations, solve = factorise(solver, equations, found)
         theta = solution(equations.right, equations.system, solve)
         roughly = solver.roughly(equations.system, solve)
-        return cls(parts, data, equations, found, solve, roughly, theta, best)
+        notes = (UNKNOWN,) if model is not None and best is None else ()
+        return cls(parts, data, equations, found, solve, roughly, theta, best, notes)
 
     @property
     def messages(self) -> list[str]:
-        """About nodes where not all is determined."""
-        return _messages(self.parts, self.equations, self.flags)
+        """About nodes where not all is determined, and what is not known of the fit."""
+        return [*_messages(self.parts, self.equations, self.flags), *self.notes]
 
     def with_bounds(self, factor: Array, pose: PoseEffect | None) -> FieldBounds:
         """Compute residuals and bounds; see `field.bounds.residuals_and_bounds.with_bounds`."""

@@ -132,7 +132,7 @@ class FieldResult:
             f"  {self.samples} samples of {len(self.coverage)} views, residual "
             f"{self._pooled['residual_std']:.3g} m/s (r.m.s.)",
         ]
-        if self.efficiency is not None and self.observable.any():
+        if self.efficiency is not None and np.isfinite(self.efficiency).any():
             low = np.nanmin(self.efficiency)
             lines.append(f"  efficiency {low:.3g} or more of what these views allow")
         if self.confidence is not None and np.isfinite(self.confidence).any():

@@ -20,7 +20,11 @@ from sldvexp.field.bounds.residuals_and_bounds import noise_only
 from sldvexp.field.equations.assembly import normal_equations, pixel_data
 from sldvexp.field.equations.regions import RegionIterator
 from sldvexp.field.equations.sample_model import FieldModel
-from sldvexp.field.equations.undetermined import factorise, find_undetermined
+from sldvexp.field.equations.undetermined import (
+    constrain_singular,
+    factorise,
+    find_undetermined,
+)
 from sldvexp.field.solvers.base import Solver
 from sldvexp.field.solvers.iterative import Iterative
 from sldvexp.field.visibility.view import View
@@ -97,7 +101,7 @@ def expected_bounds(
     visibility = VolumeVisibility.from_volume(views, laser, thin)
     parts = RegionIterator(visibility, FieldModel.from_method(method, visibility, local))
     equations = normal_equations(parts, pixel_data(views))
-    found = find_undetermined(equations)
+    equations, found = constrain_singular(equations, find_undetermined(equations))
     if not found.observable.any():
         raise UserError("plan: these stands determine nothing anywhere; give more of them")
     equations, _ = factorise(solver or Iterative(), equations, found)

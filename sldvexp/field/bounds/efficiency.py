@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from sldvexp.errors import UserError
 from sldvexp.field.bounds.inverse import NearInverse, WholeInverse
 from sldvexp.field.bounds.sparse_inverse_rows import rings_of
 from sldvexp.field.equations.assembly import Equations
@@ -23,6 +24,12 @@ from sldvexp.field.equations.undetermined import constrain_undetermined, find_un
 from sldvexp.field.visibility.visibility import VolumeVisibility
 from sldvexp.reconstruction import Absolute, Model, Weights, rows
 from sldvexp.typing import Array
+
+#: Sentence about a field of which it cannot be computed.
+UNKNOWN = (
+    "the efficiency is not known: the samples that the views see leave the least-variance field of "
+    "these elements open"
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,14 +48,25 @@ class LeastVariance:
     inverse: WholeInverse | NearInverse
 
     @classmethod
-    def from_equations(cls, parts: RegionIterator, equations: Equations) -> LeastVariance:
-        """Invert its equations; of a large system their surface alone, without its layers."""
+    def from_equations(cls, parts: RegionIterator, equations: Equations) -> LeastVariance | None:
+        """Invert its equations; of a large system their surface alone, without its layers.
+
+        Returns
+        -------
+        LeastVariance, optional
+            None if they are singular.
+        """
         system, found = equations.system, find_undetermined(equations)
         if len(found.node):
             system = constrain_undetermined(system, found)
         if system.is_small:
+            if system.is_singular:
+                return None
             return cls(parts, WholeInverse.from_system(system, parts.model.parameters))
-        near = NearInverse.from_system(system, rings_of(parts.visibility.rule))
+        try:
+            near = NearInverse.from_system(system, rings_of(parts.visibility.rule))
+        except UserError:
+            return None
         alone = replace(system, pairs=system.pairs[:0])
         return cls(parts, replace(near, system=alone, odd=np.zeros_like(near.odd)))
 

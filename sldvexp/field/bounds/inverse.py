@@ -59,6 +59,10 @@ class InverseRows(ABC):
         """
 
 
+#: Part of a variance up to which terms of either sign may cancel in round-off.
+ACCURATE = 1e-6
+
+
 @dataclass(frozen=True, eq=False)
 class WholeInverse(InverseRows):
     """Rows of a small system, all of them, whose patch has all nodes.
@@ -93,11 +97,16 @@ class WholeInverse(InverseRows):
         rows = rows * np.sqrt(np.concatenate(variances))
         apart = p if len(self.inverse) < rows.shape[0] else 1  # components that do not couple
         nodal, fitted = np.empty(rows.shape[0]), np.empty(rows.shape[0])
+        size = np.einsum("ij,ij->i", self.inverse, self.inverse)
         for first in range(apart):
             r = rows[first::apart]
-            across = self.inverse @ (r @ r.T).toarray()
-            nodal[first::apart] = np.einsum("ij,ij->i", across, self.inverse)
-            fitted[first::apart] = np.diagonal(across)
+            both = (r @ r.T).toarray()
+            across = self.inverse @ both
+            found = np.einsum("ij,ij->i", across, self.inverse)
+            # Next to nodes that are held large terms cancel; a sum of squares loses nothing.
+            near = np.finfo(float).eps * np.linalg.norm(both, 1) * size > ACCURATE * found
+            found[near] = np.square(r.T @ self.inverse[near].T).sum(axis=0)
+            nodal[first::apart], fitted[first::apart] = found, np.diagonal(across)
         return nodal.reshape(self.layers, -1, p), fitted.reshape(-1, p).sum(axis=0)
 
 

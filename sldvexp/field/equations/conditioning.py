@@ -48,7 +48,8 @@ def condition_numbers(system: NormalEquations, solve: Solve) -> tuple[float, flo
 def _of_dense(matrix: Array, inverse: Array) -> tuple[float, float]:
     value = np.linalg.eigvalsh(matrix)
     norms = np.linalg.norm(matrix, 1) * np.linalg.norm(inverse, 1)
-    return float(value[-1] / value[0]), float(1 / norms)
+    ratio = value[-1] / value[0] if value[0] > 0 else np.inf  # negative by round-off
+    return float(ratio), float(1 / norms)
 
 
 def _of_operators(times: Solve, inverse: Solve, size: int) -> tuple[float, float]:

@@ -239,14 +239,23 @@ class NormalEquations:
         matrix: Array = self.matrix().toarray()
         return matrix
 
+    @property
+    def is_singular(self) -> bool:
+        """Whether `dense` is singular, or so near it that round-off decides its inverse."""
+        return self._cholesky is None
+
     @cached_property
     def inverse(self) -> Array:
-        """Inverse of `dense`."""
-        factor, failed = scipy.linalg.lapack.dpotrf(self.dense, lower=True)
-        if failed:
-            return np.linalg.inv(self.dense).astype(float)
-        inverse: Array = scipy.linalg.lapack.dpotri(factor, lower=True, overwrite_c=True)[0]
+        """Inverse of `dense`, which must not be singular."""
+        assert self._cholesky is not None
+        inverse: Array = scipy.linalg.lapack.dpotri(self._cholesky, lower=True)[0]
         return np.tril(inverse) + np.tril(inverse, -1).T
+
+    @cached_property
+    def _cholesky(self) -> Array | None:
+        """Lower Cholesky factor of `dense`; None if there is none."""
+        factor, failed = scipy.linalg.lapack.dpotrf(self.dense, lower=True)
+        return None if failed else factor
 
     def matrix(self) -> scipy.sparse.csr_array:
         """Assemble M itself, unknowns node by node, layer by layer."""

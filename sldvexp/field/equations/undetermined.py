@@ -2,7 +2,8 @@
 
 A node is judged by its own samples, as many directions being determined as at some of them.
 Directions that no view sees may make the whole system singular; they are flagged, and then held at
-zero by a term on the diagonal, so that all else can be solved.
+zero by a term on the diagonal, so that all else can be solved. Where few samples are left, all of
+them together may still leave more open than each node's own do: of a small system this is known.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from sldvexp.field.equations.system import HOLD, NormalEquations, Solve
 from sldvexp.field.solvers.base import Solver
 from sldvexp.field.visibility.coverage import flagged
 from sldvexp.reconstruction.observability import (
+    LEAN,
     determined_components,
     determined_intercept,
     undetermined,
@@ -46,6 +48,26 @@ class Observability:
     node: NDArray[np.int_]
     rank: NDArray[np.int_]
     direction: Array
+
+    def without(self, lost: BoolArray) -> Observability:
+        """Flag further nodes, at which nothing is determined.
+
+        Parameters
+        ----------
+        lost : ndarray of bool, shape (node,)
+        """
+        before = np.isin(self.node, np.flatnonzero(lost), invert=True)
+        added = np.flatnonzero(lost)
+        node = np.concatenate([self.node[before], added])
+        order = np.argsort(node)
+        every = np.broadcast_to(np.eye(3), (len(added), 3, 3))
+        return Observability(
+            self.observable & ~lost[:, None],
+            self.determined & ~lost[:, None],
+            node[order],
+            np.concatenate([self.rank[before], np.zeros(len(added), int)])[order],
+            np.concatenate([self.direction[before], every])[order],
+        )
 
 
 def find_undetermined(equations: Equations, hole: BoolArray | None = None) -> Observability:
@@ -151,20 +173,42 @@ def factorise(
 def constrain_undetermined(system: NormalEquations, found: Observability) -> NormalEquations:
     """Hold the flagged directions as firmly as nodes that have no samples.
 
-    Parameters
-    ----------
-    system : NormalEquations
-        That couples the components.
+    A system that does not couple the components is held at nodes that have lost all of them.
     """
     count, last = system.graph.nodes, system.layers - 1
     size = np.trace(system.lumped[system.active], axis1=-2, axis2=-1).mean() / system.block
     pairs = system.pairs.copy()
     for node, rank, direction in zip(found.node, found.rank, found.direction, strict=True):
         lost = np.zeros((system.block, system.block))
-        lost[:3, :3] = direction[rank:].T @ direction[rank:]
+        if system.block == 1:
+            lost[0, 0] = rank == 0
+        else:
+            lost[:3, :3] = direction[rank:].T @ direction[rank:]
         if system.block > 3 and not found.determined[node, 3]:
             lost[3, 3] = 1.0
         layer, place = divmod(int(node), count)
         gap, k = (layer, 0) if layer < last else (last - 1, 2)
         pairs[gap, k, system.graph.diagonal[place]] += HOLD * size * lost
     return replace(system, pairs=pairs, exact=False)
+
+
+def constrain_singular(
+    equations: Equations, found: Observability
+) -> tuple[Equations, Observability]:
+    """Make a small system regular, and flag nodes that all samples together leave open.
+
+    Those are the nodes that the null space of the matrix leans towards, when the flagged directions
+    are held: a velocity of theirs can be exchanged for one of others, and no sample notices. Of
+    large systems the null space is not known.
+    """
+    system = equations.system
+    if not system.is_small or not system.is_singular:
+        return equations, found
+    system = constrain_undetermined(equations.system, found)
+    if system.is_singular:
+        value, vector = np.linalg.eigh(system.dense)
+        open_ = value <= len(value) * np.finfo(float).eps * value[-1]
+        share = np.square(vector[:, open_]).sum(axis=1).reshape(system.nodes, -1).sum(axis=1)
+        found = found.without(np.sqrt(share) > LEAN)
+        system = constrain_undetermined(equations.system, found)
+    return replace(equations, system=system), found
