@@ -23,6 +23,7 @@ from sldvexp.report.modal_tables import level_of, model_told, modes_told
 from sldvexp.report.numbers import number, with_bound
 from sldvexp.report.tables import thickness_taken
 from sldvexp.report.terminal import COLOURS
+from sldvexp.typing import Array
 
 #: Finding of a run that ended before all of its steps were done.
 STOPPED = "stopped"
@@ -104,10 +105,11 @@ def _images(run: RunData) -> str:
     first = images[0]
     if "velocity" not in first or first["velocity"].sizes.get("frequency", 1) < 2:
         return told
-    some = first.isel(pixel=slice(None, None, -(-first["velocity"].size // MOST_VALUES)))
-    good = some["flags"].values == 0 if "flags" in some else slice(None)
-    hertz = first["frequency"].values
-    rms = np.sqrt(np.nanmean(np.abs(some["velocity"].values[good]) ** 2, axis=0))
+    each = (_mean_squares(image) for image in images if "velocity" in image)
+    squares = next((found for found in each if np.isfinite(found).any()), None)
+    if squares is None:
+        return f"{told} without a good pixel"
+    hertz, rms = first["frequency"].values, np.sqrt(squares)
     at = int(np.nanargmax(rms))
     velocity = VARIABLES["image"]["velocity"]
     return (
@@ -115,6 +117,15 @@ def _images(run: RunData) -> str:
         f"most motion at {hertz[at]:g} {FREQUENCY.units}: r.m.s. "
         f"{number(velocity.factor * float(rms[at]), 3)} {velocity.shown_unit}"
     )
+
+
+def _mean_squares(image: xr.Dataset) -> Array:
+    """Compute the mean squares of an image by frequency, of some of its pixels; NaN of none."""
+    some = image.isel(pixel=slice(None, None, -(-image["velocity"].size // MOST_VALUES)))
+    good = some["flags"].values == 0 if "flags" in some else slice(None)
+    squares = np.abs(some["velocity"].values[good]) ** 2
+    count, total = np.isfinite(squares).sum(axis=0), np.nansum(squares, axis=0)
+    return np.asarray(np.divide(total, count, out=np.full(count.shape, np.nan), where=count > 0))
 
 
 def _poses(run: RunData) -> str:

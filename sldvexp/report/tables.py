@@ -269,7 +269,8 @@ def strain_table(strain: xr.Dataset, frequencies: Sequence[float], of: str = "")
             one = _at(strain.sel(strain_component=component), hertz)
             size = np.abs(one["strain"].values)
             cells = [f"e_{component}", "" if np.isnan(hertz) else f"{hertz:g}"]
-            shown = (np.nanmax(size), _rms(size), _rms(one["confidence"].values))
+            largest = np.nanmax(size) if np.isfinite(size).any() else np.nan
+            shown = (largest, _rms(size), _rms(one["confidence"].values))
             cells += [number(1e6 * float(v), 3) for v in shown]
             cells += [number(1e6 * _rms(np.abs(one[name].values)), 3) for name in parts]
             table.add_row(*map(escape, cells))
@@ -429,7 +430,9 @@ def _some(groups: Iterable[xr.Dataset]) -> str:
 
 
 def _rms(values: np.ndarray) -> float:
-    return float(np.sqrt(np.nanmean(np.square(values))))
+    """Compute the root mean square of what is known; NaN of nothing."""
+    known = values[~np.isnan(values)]
+    return float(np.sqrt(np.mean(np.square(known)))) if known.size else np.nan
 
 
 def _mm(value: float) -> str:
@@ -463,7 +466,10 @@ def _image_view_text(view: str, image: xr.Dataset) -> str:
     grid = " x ".join(map(str, np.atleast_1d(image.attrs.get("shape", []))))
     name = f"Image of the view {view}" + (f" ({grid})" if grid else "")
     good = image.isel(pixel=image["flags"].values == 0)
-    largest = abs(good["velocity"]).max("pixel").values
+    size = np.abs(good["velocity"].transpose("pixel", "frequency").values)
+    if not np.isfinite(size).any():
+        return f"{name}: {image.attrs['summary']}; no pixel is good"
+    largest = np.max(size, axis=0, where=np.isfinite(size), initial=0.0)
     hertz = image["frequency"].values
     shown = np.sort(np.argsort(-largest, kind="stable")[:MOST_FREQUENCIES])
     factor, unit = VELOCITY.factor, VELOCITY.shown_unit

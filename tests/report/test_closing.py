@@ -6,9 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from rich.console import Console
 
 from sldvexp.dataset import Finding, RunData, Severity, findings_to_dataset, group
-from sldvexp.report import closing_lines, print_closing
+from sldvexp.report import closing_lines, closing_table, image_text, print_closing
 from sldvexp.report.tables import strain_table
 
 FILES = [Path("there/run.nc"), Path("there/pose.txt"), Path("there/report.html")]
@@ -111,6 +112,27 @@ def test_images_alone_tell_how_many_pixels_are_flagged():
     assert told["found"] == "images of 2 views"
     assert told["bounds"] == "none; 2 of 4 pixels flagged"
     assert told["next"] == "sldvexp show there tells every number and note"
+
+
+@pytest.mark.filterwarnings("error")
+def test_motion_is_told_of_the_first_view_that_has_a_good_pixel():
+    hertz = [100.0, 200.0, 300.0]
+    moving = np.array([[0.01, 0.02, np.nan], [0.03j, 0.04j, np.nan]])
+    std = np.full(moving.shape, 1e-4)
+    good = group(
+        "image", {"frequency": hertz}, velocity=moving, velocity_std=std, flags=[0, 0]
+    ).assign_attrs(summary="two pixels")
+    dark = good.assign(flags=("pixel", [4, 4]))
+    missing = good.assign(velocity=good["velocity"] * np.nan)
+    said = "3 frequencies from 100 to 300 Hz, most motion at 200 Hz: r.m.s. 31.6 mm/s"
+    for first in (dark, missing):
+        run = RunData({"image/a": first, "image/b": good})
+        assert lines(run.groups, FILES[:1])["found"] == f"images of 2 views at {said}"
+        Console(quiet=True).print(closing_table(run, FILES))
+        assert "Image of the view a: two pixels; no pixel is good" in image_text(run)
+    told = lines({"image/a": dark}, FILES[:1])
+    assert told["found"] == "images of 1 view without a good pixel"
+    assert told["bounds"] == "none; 2 of 2 pixels flagged"
 
 
 def test_what_a_file_says_cannot_act_on_a_terminal(capsys):

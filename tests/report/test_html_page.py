@@ -286,6 +286,20 @@ def test_flagged_pixels_do_not_count_in_the_table_of_images(run_file, no_figures
     assert "left 4 197 3 0.02 " in page.text
 
 
+@pytest.mark.usefixtures("no_figures")
+@pytest.mark.filterwarnings("error::RuntimeWarning")
+def test_image_without_a_good_pixel_has_a_line_without_numbers(run_file):
+    image = dataset.group(
+        "image",
+        {"frequency": [100.0, 200.0]},
+        velocity=np.full((6, 2), 1e-3 + 0j),
+        velocity_std=np.full((6, 2), 1e-6),
+        flags=np.full(6, 4),
+    ).assign_attrs(summary="6 of 6 pixels are flagged")
+    page = made(run_file(**{"image/dark": image}))
+    assert "dark 6 100 - - 6 of 6 pixels are flagged" in page.text
+
+
 def test_what_is_left_out_of_a_check_is_counted(run_file, no_figures):
     many = xr.Dataset({"ratio": ("run", np.arange(251.0)), "other": ("view", np.arange(10.0))})
     page = made(run_file(**{"examined/many": many}))

@@ -183,14 +183,14 @@ def images_section(run: RunData) -> Section | None:
     for view, image in images.items():
         good = image["flags"].values == 0  # read whole: to pick pixels out of the file takes longer
         size, std = (
-            np.abs(image[name].transpose("pixel", ...).values[good]).reshape(good.sum(), -1)
+            np.abs(image[name].transpose("pixel", ...).values.reshape(len(good), -1)[good])
             for name in ("velocity", "velocity_std")
         )
         hertz = (
             np.atleast_1d(image["frequency"].values) if "frequency" in image.coords else [np.nan]
         )
         grid = " × ".join(map(str, np.atleast_1d(image.attrs.get("shape", []))))
-        largest = size.max(axis=0, initial=0.0)
+        largest = size.max(axis=0) if len(size) else np.full(size.shape[1], np.nan)
         for i in np.sort(np.argsort(-largest, kind="stable")[:MOST_FREQUENCIES]):
             row = [view, grid or str(image.sizes["pixel"]), number(hertz[i], 6)]
             row += [number(factor * largest[i], 3), number(factor * _median(std[:, i]), 2)]
