@@ -262,7 +262,8 @@ def test_efficiency(
         # Samples' errors are shared, so that another method may be better by little.
         np.testing.assert_allclose(other.efficiency, np.minimum(ratio, 1), rtol=1e-6)
         known = np.isfinite(ratio)  # nodes around flagged pixels may have too few samples
-        assert known.mean() > 0.8
+        few_rows = name == "contravariant" and fields["rows"] != "all"
+        assert known.mean() > (0.9 if few_rows else 0.99)  # 0.907 and 1 at this seed
         assert np.median(ratio[known]) < 1.02
     # Samples that few views see spoil their nodes, and it says so.
     assert np.nanmin(other.efficiency) < 0.2

@@ -59,9 +59,29 @@ def test_a_key_that_is_twice_in_a_table_is_refused(text, told):
         limits.require_bounded_yaml(text)
 
 
+def keys_that_are_twice(node):
+    """List them by the usual parser's own tree, which has both."""
+    if isinstance(node, yaml.SequenceNode):
+        return [key for value in node.value for key in keys_that_are_twice(value)]
+    if not isinstance(node, yaml.MappingNode):
+        return []
+    keys = [key.value for key, _ in node.value]
+    below = [key for _, value in node.value for key in keys_that_are_twice(value)]
+    return [key for key in set(keys) if keys.count(key) > 1] + below
+
+
 def test_packaged_configurations_have_every_key_once():
-    for file in sorted(conf_dir().rglob("*.yaml")):
-        limits.require_bounded_yaml(file.read_text(encoding="utf-8"))
+    files = sorted(conf_dir().rglob("*.yaml"))
+    assert len(files) > 100
+    for file in files:
+        text = file.read_text(encoding="utf-8")
+        assert keys_that_are_twice(yaml.compose(text)) == [], file
+        found = limits.load_yaml(text)
+        assert found == yaml.safe_load(text), file
+        again = f"{text}\n{next(iter(found))}: 1\n" if found else "a: 1\na: 2"
+        assert len(keys_that_are_twice(yaml.compose(again))) == 1
+        with pytest.raises(limits.TooMuchError, match="is there twice, first in line"):
+            limits.require_bounded_yaml(again)
 
 
 def test_yaml_that_is_none_has_the_words_of_the_usual_parser():

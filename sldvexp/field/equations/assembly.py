@@ -26,6 +26,11 @@ MANY_COLUMNS = 32
 #: Part of a node's samples that must determine something for the node to count as determined.
 SMALLEST_PART = 0.02
 #: Part of a node's samples that may be missing where none of the prisms at it has them all.
+#: Measured on a plate of 5 x 5 nodes in 3 layers, seen by five views that lose 2 to 30 % of their
+#: pixels at random, all views taken at every sample, six seeds each: next to that without a loss
+#: the standard error of such a node is 3.0 times as large in the median with 0.5 to 0.6 of its
+#: samples left (6.3 at one node of ten), 8.1 times with 0.2 to 0.3 (23), 18 times with 0.1 to 0.2
+#: (66), and 1.3 times where one prism has lost none (2.5).
 MISSING = 0.8
 
 
