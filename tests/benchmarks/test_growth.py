@@ -25,7 +25,10 @@ SLDVEXP = (sys.executable, "-m", "sldvexp.cli.main")
 LINES, LINES_SECONDS, LINES_MEGABYTES = 100_000 if FULL_SIZE else 20, 60.0, 500.0
 SIDES, PAGE_SECONDS, PAGE_MEGABYTES = (380, 264) if FULL_SIZE else (8, 6), 10.0, 4.0
 FUNCTIONS, FUNCTIONS_SECONDS = 100_000 if FULL_SIZE else 20, 5.0
-ROWS, ROWS_SECONDS = 1_000_000 if FULL_SIZE else 50, 7.0
+ROWS = 1_000_000 if FULL_SIZE else 50
+#: A whole run of a table, over making numbers of its cells with the module csv, each the least of
+#: three that take turns: 2.3 to 2.4 as measured, while single ratios lay between 2.0 and 2.8.
+ROWS_RATIO, TURNS = 2.75, 3 if FULL_SIZE else 1
 
 pytestmark = pytest.mark.skipif(
     not FULL_SIZE and "PYTEST_XDIST_WORKER" in os.environ,
@@ -53,6 +56,16 @@ from sldvexp.io.uff import universal_file
 
 with universal_file(Path(sys.argv[1])) as file:
     assert len(file.functions) == int(sys.argv[2])
+"""
+READ = """
+import csv
+import sys
+
+with open(sys.argv[1], newline="") as file:
+    rows = csv.reader(file)
+    next(rows)
+    table = [[float(cell) for cell in row] for row in rows]
+assert len(table) == int(sys.argv[2])
 """
 FUNCTION = """\
     -1
@@ -145,7 +158,14 @@ def test_table_of_many_rows(cost_of, tmp_path):
                 f"{k},{p},{x},{y},{z},100,{z * a:.5f},0.0,0.001\n" for p, a in enumerate(along)
             )
     run = [*SLDVEXP, "experiment=point", "instrument.path=rows.csv", "report=none"]
-    cost = cost_of([*run, "hydra.run.dir=run"], tmp_path)
+    read = [sys.executable, "-c", READ, "rows.csv", str(points * len(DIRECTIONS))]
+    runs, reads = [], []
+    for k in range(TURNS):
+        runs.append(cost_of([*run, f"hydra.run.dir=run_{k}"], tmp_path))
+        reads.append(cost_of(read, tmp_path))
+    cost, plain = min(runs), min(reads)
+    ratio = cost.seconds / plain.seconds
     print(f"run of {ROWS} rows: {cost.seconds:.1f} s, {cost.megabytes:.0f} MB")
+    print(f"reading them with csv: {plain.seconds:.1f} s, a ratio of {ratio:.2f}")
     if FULL_SIZE:
-        assert cost.seconds <= ROWS_SECONDS
+        assert ratio <= ROWS_RATIO
