@@ -15,7 +15,7 @@ from pathlib import Path
 from omegaconf import open_dict
 
 from sldvexp import config, console, planner
-from sldvexp.cli.commands import KEY, arguments_of
+from sldvexp.cli.commands import KEY, CommandLine, arguments_of, begun_with
 from sldvexp.cli.help import COMMAND_HELP
 from sldvexp.cli.in_process import watched_run
 from sldvexp.config import registry
@@ -67,9 +67,14 @@ def run(words: list[str], config_dir: str | None, port: str | None = None) -> in
         )
     folder = Path(config_dir or OWN_FOLDER)
     unfinished = next((Path(w.removeprefix(KEY)) for w in words if w.startswith(KEY)), None)
+    added: list[str] = []
     if unfinished is not None:
-        folder, unfinished = folder.absolute(), unfinished.absolute()  # see `arguments_of`
-        words = [f"{KEY}{unfinished}"]
+        folder, unfinished = folder.absolute(), unfinished.absolute()  # see `begun_with`
+        begun = begun_with(unfinished)
+        folder = _folder_of(unfinished, begun, folder if config_dir else None) or folder
+        added = [word for word in words if not word.startswith(KEY)]
+        words = [*begun.settings, *added]
+        config_dir = str(folder) if begun.config_dirs else None
     experiment = composed(words, config_dir)
     if experiment.scan is None or not isinstance(experiment.instrument, ScanningPlugin):
         raise UserError(
@@ -85,12 +90,29 @@ def run(words: list[str], config_dir: str | None, port: str | None = None) -> in
 
     number = _number(port)
     with console.Console(
-        experiment, words, folder, aimed, scanned, number, advice, unfinished
+        experiment, words, folder, aimed, scanned, number, advice, unfinished, added
     ) as made:
         print(f"{made.address}\nopen it in a browser on this machine; Ctrl-C ends it", flush=True)
         with suppress(KeyboardInterrupt):
             made.serve()
     return 0
+
+
+def _folder_of(run: Path, begun: CommandLine, given: Path | None) -> Path | None:
+    """Find the user's folder with which a run was begun, None if it was without one.
+
+    Raises
+    ------
+    UserError
+        If another one is given: what is aimed would go where its experiment is not.
+    """
+    own = Path(begun.config_dirs[-1]) if begun.config_dirs else None
+    if given is not None and own is not None and given.resolve() != own.resolve():
+        raise UserError(
+            f"command line: --config-dir {given}: the run {run} was begun with that of {own}, and "
+            "goes on with it; leave the option out"
+        )
+    return own
 
 
 def composed(words: Sequence[str], config_dir: str | None) -> Experiment:

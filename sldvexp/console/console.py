@@ -71,6 +71,8 @@ class Console:
         stands reach that the configuration gives.
     unfinished : Path, optional
         Folder of a run that was cut off, which *Go on* goes on with.
+    added : sequence of str
+        Settings with which that goes on, besides its own.
     """
 
     def __init__(
@@ -83,6 +85,7 @@ class Console:
         port: int = 0,
         advise: Advise | None = None,
         unfinished: Path | None = None,
+        added: Sequence[str] = (),
     ) -> None:
         self.experiment, self.settings, self.folder = experiment, list(settings), folder
         self.board = NoticeBoard()
@@ -94,7 +97,7 @@ class Console:
         self._plan, self._plans = Advice([]), 0
         self._advising: list[threading.Thread] = []
         self._ours: dict[Path, str] = {}  # files that were written, as they were
-        self._unfinished = unfinished
+        self._unfinished, self._added = unfinished, list(added)
         self._last: tuple[Scanning, str] | None = None  # scan that has ended, and why
         self.bench.answered = self._answered
         self.bench.further = {
@@ -168,11 +171,15 @@ class Console:
         """Go on with the run that failed or was stopped, or that was cut off before."""
         if self._unfinished is None:
             raise UserError("there is no scan to go on with")
-        settings = [f"resume={self._unfinished}"]
-        self._run_it(settings, self._compose(settings))
+        folder = self._unfinished
+        settings = [f"resume={folder}", *self._added]
+        experiment = self._compose(settings)
+        self._run_it(settings, experiment, folder)
 
-    def _run_it(self, settings: Sequence[str], experiment: Experiment) -> None:
-        """Run settings, and tell what becomes of it."""
+    def _run_it(
+        self, settings: Sequence[str], experiment: Experiment, begun: Path | None = None
+    ) -> None:
+        """Run settings, and tell what becomes of it; a run that was begun can go on until done."""
         self.bench.leave()  # the run opens the instrument for itself
         scanning = Scanning(experiment, self.board, self.wishes, self._advise, self._tell_advice)
         self.board.tell("phase", "scan")
@@ -181,7 +188,7 @@ class Console:
             "result", {"told": "The report stands here when the scan is done.", "page": False}
         )
         self.bench.say("")
-        why, self._unfinished = "", None
+        why, self._unfinished = "", begun
         try:
             folder = self._run(settings, scanning, Asked(scanning, self.bench.marks))
         except UserError as error:
@@ -193,6 +200,7 @@ class Console:
             why = self._kept(stop) or "stopped"
             self._ended(why)
         else:
+            self._unfinished = None
             self._page = folder / REPORT_FILE
             page = self._page.is_file()
             with dataset.load(folder / RUN_FILE) as tree:
@@ -241,7 +249,7 @@ class Console:
     def _kept(self, error: BaseException) -> str:
         """Say why a run ended, and how the console itself goes on with it."""
         if isinstance(error, UnfinishedError | InterruptedRun):
-            self._unfinished = error.folder
+            self._unfinished, self._added = error.folder, []  # which the folder records by now
         here = "Go on does that here, or once this console has ended: "
         return str(error).replace(GO_ON, here)
 

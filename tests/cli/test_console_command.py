@@ -8,14 +8,17 @@ import types
 
 import numpy as np
 import pytest
+import yaml
 
 from sldvexp import planner
 from sldvexp.cli import console
 from sldvexp.config.experiment import Experiment
 from sldvexp.config.planning import PlanCriterion
+from sldvexp.console import Console
 from sldvexp.errors import UserError
 from sldvexp.laser import TwoMirror
 from sldvexp.volume import Grid
+from tests.console.conftest import BENCH
 from tests.console.served import Served
 
 
@@ -57,6 +60,66 @@ def test_console_ends_in_order(tmp_path, number):
     served = Served(tmp_path)
     assert served.end(number) == 0
     assert len(served.output.read_text().splitlines()) == 2
+
+
+@pytest.fixture
+def cut_off(tmp_path, monkeypatch):
+    """The folder of a run of the user's own experiment, as Hydra leaves it, from where it began."""
+    own, run = tmp_path / "my", tmp_path / "outputs" / "cut"
+    (own / "experiment").mkdir(parents=True)
+    (own / "experiment" / "bench.yaml").write_text(BENCH)
+    (run / ".hydra").mkdir(parents=True)
+    (run / ".hydra" / "overrides.yaml").write_text("- experiment=bench\n- seed=3\n")
+    sources = [{"path": str(own), "provider": "command-line"}]
+    told = {"runtime": {"cwd": str(tmp_path), "config_sources": sources}}
+    told["job"] = {"config_name": "config"}
+    (run / ".hydra" / "hydra.yaml").write_text(yaml.safe_dump({"hydra": told}))
+    monkeypatch.chdir(tmp_path)
+    return run
+
+
+@pytest.fixture
+def served(monkeypatch):
+    """Consoles that end at once, to be looked at."""
+    made = []
+    monkeypatch.setattr(Console, "serve", lambda self: made.append(self))
+    return made
+
+
+def test_settings_beside_a_run_that_goes_on_hold_for_aiming_and_for_going_on(cut_off, served):
+    assert console.run([f"resume={cut_off}", "seed=7", "scan.structure.pixels=[4,5]"], None) == 0
+    (one,) = served
+    assert one.experiment.seed == 7
+    assert one.experiment.scan.structure.pixels == [4, 5]
+    gone_on = []
+
+    def refused(settings, *_):
+        gone_on.append(settings)
+        raise UserError("another program has the folder")
+
+    one._run = refused
+    for _ in range(2):  # a run that could not go on still can
+        one.bench.further["go_on"]({"do": "go_on"})
+    assert gone_on == 2 * [[f"resume={cut_off}", "seed=7", "scan.structure.pixels=[4,5]"]]
+
+
+def test_what_is_aimed_beside_a_run_that_goes_on_is_an_experiment_made_of_its_own(cut_off, served):
+    assert console.run([f"resume={cut_off}"], None) == 0
+    (one,) = served
+    for number, steps in enumerate([(-371, 1322), (-517, 601), (588, 318), (551, 1430)], 1):
+        one.bench.marks.put("1", ("circle", number), steps)
+    one.bench.further["write"]({"do": "write", "name": "aimed"})
+    file = cut_off.parents[1] / "my" / "experiment" / "aimed.yaml"
+    assert "/experiment/bench" in file.read_text()
+    assert "experiment=aimed seed=3" in file.read_text()
+    made = console.composed(["experiment=aimed"], str(file.parents[1]))
+    assert made.scan.calibration.views["1"].dac[0] == [-371, 1322]
+
+
+def test_another_folder_than_that_of_the_run_that_goes_on_is_refused(cut_off, served, tmp_path):
+    (tmp_path / "other").mkdir()
+    with pytest.raises(UserError, match=r"was begun with that of .*leave the option out"):
+        console.run([f"resume={cut_off}"], str(tmp_path / "other"))
 
 
 @pytest.fixture
