@@ -276,6 +276,15 @@ class Aiming:
             self._told = next(self._same_place(), "") or self._disagreement()
         return self._told
 
+    def trouble(self) -> str:
+        """Say in one sentence why no pose of these marks can be believed; empty if one can."""
+        count = len(self.taken)
+        if count < 3:
+            given = f"{count or 'no'} mark{'' if count == 1 else 's'}"
+            told = f"{given} of this view {'is' if count == 1 else 'are'} taken, and a pose needs "
+            return self.contradiction() or f"{told}three that are not in a line"
+        return self.contradiction() or ("" if self.poses else self.weakness())
+
     def weakness(self) -> str:
         """Say in one sentence why the pose is weak; empty if it is not, or is not known yet."""
         names = list(self.taken)

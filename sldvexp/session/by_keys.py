@@ -8,7 +8,7 @@ compares, so that a wrong mark is seen when it is taken and not when the report 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from functools import cached_property
 
 import numpy as np
@@ -45,6 +45,8 @@ HELP = (
     "earlier one; ? shows this."
 )
 REVIEW = "Enter goes on, u takes the last one back, r an earlier one"
+#: The same of marks of which no pose can be believed.
+REFUTED = "r takes a mark again by its number, u the last one; Enter twice goes on all the same"
 
 _STEPS = re.compile(r"(=?)\s*([+-]?\d+)[\s,;]+([+-]?\d+)")
 
@@ -85,18 +87,23 @@ class AtKeyboard:
         """See `Person`; nobody who points at marks is asked for it."""
         raise NotImplementedError
 
-    def review(self) -> None:
-        """See `Reviewer`."""
+    def review(self, found: Mapping[int, Steps | None]) -> None:
+        """See `Reviewer`; marks that cannot be right are not let pass by one key."""
         for name in self.guide.taken:
             self.keyboard.say(f"{name}: {self.in_words(name)}")
-        if told := self._doubts():
+        trouble = self.guide.trouble()
+        if told := trouble or self._doubts():
             self.keyboard.say(told)
+        warned = not trouble
         while True:
-            self.keyboard.status(REVIEW)
+            self.keyboard.status(REFUTED if trouble else REVIEW)
             key = self.keyboard.key()
             if key is not None and key.name == "enter":
-                return
-            if key is not None:
+                if warned:
+                    return
+                warned = True
+                self.keyboard.say(f"The pose of this view would rest on these: {trouble}")
+            elif key is not None:
                 self.take_back(key)
 
     def in_words(self, name: str) -> str:

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from sldvexp.config.paths import CONFIGURATION, JOURNAL
 from sldvexp.errors import ConfigError, UserError
+from sldvexp.instrument.person import mark_name
 
 #: What says before a command that it goes on.
 GO_ON = "go on with: "
@@ -47,9 +48,14 @@ def has_lines(folder: Path) -> bool:
 def how_to_use_the_scan(folder: Path) -> str:
     """Tell how to use the scan that is kept where a run fails behind it."""
     resume = shlex.quote(f"resume={folder}")
+    marks = (
+        ", or take marks again (it asks for those that contradict one another, and for each whose "
+        f"file {JOURNAL}/<view>/{mark_name('<number>')}.json you delete)"
+    )
+    by_hand = any((folder / JOURNAL).rglob(f"{mark_name('*')}.json"))
     return (
-        f"{SCAN_KEPT}: mend the configuration's file, or add settings that differ at the end, "
-        f"and {GO_ON}sldvexp {resume}"
+        f"{SCAN_KEPT}: mend the configuration's file, or add settings that differ at the end"
+        f"{marks * by_hand}, and {GO_ON}sldvexp {resume}"
     )
 
 
