@@ -217,8 +217,7 @@ def predicted_steps(
         own, covariance = pose.angles(points, offset)
         square = np.einsum("nkk->nk", covariance) + (own - angle) ** 2
         variance += pose.probability * np.where(np.isfinite(square), square, 0.0)
-    low, high = laser.reach
-    reached = np.all((angle >= low) & (angle <= high), axis=-1)
+    reached = laser.reaches(angle)
     dac = np.full(angle.shape, np.nan)
     dac[reached] = laser.dac_from_angle(angle[reached])
     std = np.where(reached[:, None], np.sqrt(variance) / laser.step, np.nan)
