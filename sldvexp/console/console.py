@@ -98,6 +98,7 @@ class Console:
         self._advising: list[threading.Thread] = []
         self._ours: dict[Path, str] = {}  # files that were written, as they were
         self._unfinished, self._added = unfinished, list(added)
+        self._warned = ""  # contradiction of marks of which was told at Scan
         self._last: tuple[Scanning, str] | None = None  # scan that has ended, and why
         self.bench.answered = self._answered
         self.bench.further = {
@@ -162,7 +163,14 @@ class Console:
         return False
 
     def _scan(self, wish: Wish) -> None:
-        """Scan what was aimed, as a run of the experiment that is written of it."""
+        """Scan what was aimed, as a run of the experiment that is written of it.
+
+        Marks that contradict one another are told first, once.
+        """
+        told = self.bench.contradictions()
+        if told not in ("", self._warned):
+            self._warned = told
+            raise UserError(f"{told}; or Scan again, which scans with the marks as they are")
         scan = self.bench.settings()
         settings = self._written(wish) if scan else self.settings
         self._run_it(settings, self._compose(settings) if scan else self.experiment)

@@ -133,6 +133,9 @@ class AimingGuide(Protocol):
     def predict(self, name: str) -> ExpectedPlace:
         """Tell where a mark lies; UserError if that is not known."""
 
+    def out_of_reach(self) -> dict[str, str]:
+        """Say of open marks that the mirrors do not reach by how much that is, by their names."""
+
     def residual(self, name: str) -> ResidualOfMark | None:
         """Compare a mark with where the others put it; None if they do not say."""
 

@@ -48,6 +48,9 @@ REVIEW = "Enter goes on, u takes the last one back, r an earlier one"
 #: The same of marks of which no pose can be believed.
 REFUTED = "r takes a mark again by its number, u the last one; Enter twice goes on all the same"
 
+#: What is to be done about a mark beyond the mirrors' reach.
+LEAVE_OUT = "h leaves it out when it is asked for, or turn the instrument and begin this view anew"
+
 _STEPS = re.compile(r"(=?)\s*([+-]?\d+)[\s,;]+([+-]?\d+)")
 
 
@@ -67,6 +70,7 @@ class AtKeyboard:
         self.at, self.guide, self.keyboard = at, guide, keyboard
         self.step, self.level = 10, LightLevel()
         self._reported: dict[str, Steps] = {}
+        self._beyond: set[str] = set()  # marks that were told to be out of the mirrors' reach
         keyboard.say(HELP)
 
     @cached_property
@@ -148,6 +152,10 @@ class AtKeyboard:
                 self.keyboard.say(f"{name}: {self.in_words(name)}")
             if told := self._doubts():
                 self.keyboard.say(told)
+            for name, told in self.guide.out_of_reach().items():
+                if name not in self._beyond:
+                    self._beyond.add(name)
+                    self.keyboard.say(f"{told}: {LEAVE_OUT}")
 
     def _doubts(self) -> str:
         """Say which marks contradict one another, else why their pose is weak."""
@@ -234,7 +242,8 @@ class _Aim:
     def _where(self) -> str:
         """Say where the mark is expected."""
         if self.expected is None:
-            return ""
+            told = self.person.guide.out_of_reach().get(self.name, "")
+            return f"; {told}: h leaves it out" if told else ""
         (up_down, left_right), std = np.rint(self.expected.dac), self.expected.std
         more = len(self.goals) - 1
         instead = f", or at {more} other place{'s' * (more > 1)}" if more > 0 else ""

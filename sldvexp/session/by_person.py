@@ -304,7 +304,7 @@ class AtTerminal:
         beam = start
         self.instrument.move(beam)
         request = (
-            f"View {self.view}, mark {mark.number} at {in_mm(mark)}. Type DAC steps "
+            f"View {self.view}, mark {mark.number} at {in_mm(mark)}{self._where(mark)}. Type DAC steps "
             "up-down and left-right to move by (+5 -3) or a place to go to (=120 -40), Enter when "
             f"the spot is on the mark, {HIDDEN} if it cannot be seen.\n"
         )
@@ -329,6 +329,12 @@ class AtTerminal:
             else:
                 beam = wanted
                 self.instrument.move(beam)
+
+    def _where(self, mark: Mark) -> str:
+        """Say that a mark is out of the mirrors' reach."""
+        beyond = self.guide.out_of_reach() if self.guide is not None else {}
+        told = beyond.get(mark_label(mark.number), "")
+        return f"; {told}" if told else ""
 
     def review(self, found: Mapping[int, Steps | None]) -> None:
         """See `Reviewer`; asked only where the marks cannot be right, and somebody is there."""

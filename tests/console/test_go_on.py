@@ -106,3 +106,27 @@ def test_the_end_waits_for_advice_that_is_computed(lab_experiment, tmp_path):
         begun.wait()
         threading.Timer(0.2, finish.set).start()
     assert ended == [True]
+
+
+def test_marks_that_contradict_one_another_are_told_once_before_the_scan(lab_experiment, tmp_path):
+    runs = []
+
+    def run(settings, watcher, operator):
+        runs.append(list(settings))
+        raise UnfinishedError("no", tmp_path)
+
+    words = ["experiment=plate"]
+    one = Console(lab_experiment, words, tmp_path, lambda settings: lab_experiment, run)
+    seen = Seen(one.board)
+    places = [(-371, 1322), (-517, 601), (588, 318), (551, 1030)]  # the last 400 steps beside
+    for number, steps in enumerate(places, 1):
+        one.bench.marks.put("1", ("circle", number), steps)
+    wish = {"do": "scan", "name": "aimed"}
+    for _ in range(2):
+        one.bench._safely(lambda: one.bench.further["scan"](wish))
+        if not runs:
+            told = seen.look()["said"]
+            assert told["problem"]
+            assert told["text"].startswith("view 1: circles 1, 2, 3 and 4 contradict one another")
+            assert told["text"].endswith("or Scan again, which scans with the marks as they are")
+    assert len(runs) == 1

@@ -244,7 +244,7 @@ def test_all_who_ask_what_the_mirrors_reach_get_the_same_ends():
     laser = TwoMirror(board=Board.bits_16)
     low, high = laser.reach
     ends = np.array([low, high, np.nextafter(low, -1), np.nextafter(high, 1)])
-    beyond = np.concatenate([low + [[0, -1e-9]], high + [[1e-9, 0]], [[np.nan, 0.0]]])
+    beyond = np.array([np.add(low, [0, -1e-9]), np.add(high, [1e-9, 0]), [np.nan, 0.0]])
     angles = np.concatenate([ends, beyond])
     reached = [True] * 4 + [False] * 3
     assert laser.reaches(angles).tolist() == reached

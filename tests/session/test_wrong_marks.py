@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -17,6 +18,7 @@ from sldvexp.session import Operator
 from sldvexp.session.interruption import telling_of_the_scan
 from sldvexp.session.operator import NobodyThereError
 from sldvexp.session.session import scan_views
+from sldvexp.targets import FiducialPoint
 from tests.session.test_by_keys import Session
 
 #: Steps by which mark 5 is taken beside its place.
@@ -112,3 +114,19 @@ def test_a_pose_that_fails_tells_how_marks_are_taken_again(tmp_path: Path):
     with pytest.raises(UserError) as error, telling_of_the_scan(tmp_path, scanned=True):
         raise UserError("pose: a view has two points")
     assert "journal/<view>/mark_<number>.json you delete), and go on with: " in str(error.value)
+
+
+def test_a_mark_beyond_the_mirrors_is_told_at_the_terminal_after_the_third(session):
+    target = session.experiment.target
+    far = target.fiducials | {7: FiducialPoint(x=200, y=3, z=0)}
+    session.experiment.target = replace(target, fiducials=far)
+    keys = session.press(*map(session.at, range(1, 7)), "h", "enter")
+    (told,) = keys.told("mark 7 is ")
+    assert "steps (" in told
+    assert "beyond the left-right mirror's reach (+- " in told
+    assert "h leaves it out" in told
+    before = keys.lines.index(told)
+    assert keys.lines[before - 1 :][0].startswith(("mark 3: ", "marks 1, 2 and 3 fit"))
+    (asked,) = keys.told("View a, mark 7 at")
+    assert "beyond the left-right mirror's reach" in asked
+    assert session.group["point"].values.tolist() == [1, 2, 3, 4, 5, 6]
