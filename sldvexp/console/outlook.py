@@ -188,7 +188,7 @@ class Outlook:
         found = {(CIRCLE, number): why for number, why in hidden.items()}
         points = np.array([place.position for place in self.places.values()]).reshape(-1, 3)
         angles, _ = predicted_angles(poses, points, self.laser)
-        for (name, place), angle in zip(self.places.items(), angles, strict=True):
+        for name, angle in zip(self.places, angles, strict=True):
             if name not in found and (beyond := beyond_told(angle, self.laser)):
                 found[name] = beyond
         return found

@@ -304,8 +304,8 @@ class AtTerminal:
         beam = start
         self.instrument.move(beam)
         request = (
-            f"View {self.view}, mark {mark.number} at {in_mm(mark)}{self._where(mark)}. Type DAC steps "
-            "up-down and left-right to move by (+5 -3) or a place to go to (=120 -40), Enter when "
+            f"View {self.view}, mark {mark.number} at {in_mm(mark)}{self._where(mark)}. Type DAC "
+            "steps up-down and left-right to move by (+5 -3) or a place to go to (=120 -40), Enter when "
             f"the spot is on the mark, {HIDDEN} if it cannot be seen.\n"
         )
         while True:
