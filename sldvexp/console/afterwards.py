@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import logging
 import queue
-import re
 import threading
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -153,20 +152,15 @@ def sentences(result: PoseResult, view: str) -> list[str]:
 
 
 def of_view(finding: Finding, view: str) -> bool:
-    """Tell whether a finding is about a view, alone or among others, or about all of them.
+    """Tell whether a finding is about a view, alone or among others, or about none in particular.
 
     Examples
     --------
-    >>> of_view(Finding("odd", "view left", "odd"), "right")
-    False
-    >>> [of_view(Finding("odd", "views 1, 2 and 4", "odd"), view) for view in ("2", "3")]
-    [True, False]
+    >>> odd = Finding("odd", "views 1, 2 and 4", "odd", views=("1", "2", "4"))
+    >>> [of_view(odd, view) for view in ("2", "3")], of_view(Finding("odd", "run", "odd"), "3")
+    ([True, False], True)
     """
-    _, one, named = finding.subject.rpartition("view ")
-    if one:
-        return named == view or named.startswith(f"{view}, ")
-    _, several, named = finding.subject.rpartition("views ")
-    return not several or view in re.split(", | and ", named)
+    return not finding.views or view in finding.views
 
 
 def _summary(group: xr.Dataset) -> list[str]:

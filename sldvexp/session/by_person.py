@@ -305,8 +305,8 @@ class AtTerminal:
         self.instrument.move(beam)
         request = (
             f"View {self.view}, mark {mark.number} at {in_mm(mark)}{self._where(mark)}. Type DAC "
-            "steps up-down and left-right to move by (+5 -3) or a place to go to (=120 -40), Enter when "
-            f"the spot is on the mark, {HIDDEN} if it cannot be seen.\n"
+            "steps up-down and left-right to move by (+5 -3) or a place to go to (=120 -40), Enter "
+            f"when the spot is on the mark, {HIDDEN} if it cannot be seen.\n"
         )
         while True:
             where = f"mark {mark.number}, beam at {beam[0]} {beam[1]}: "

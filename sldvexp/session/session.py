@@ -116,7 +116,7 @@ def scan_views(
 def _skipped(view: ViewAhead, done: int) -> Finding:
     """Say that the rest of a view was skipped."""
     told = f"the rest of view {view.name} was skipped: {done} of {view.lines} lines were scanned"
-    return Finding("skipped", f"view {view.name}", told, Severity.note)
+    return Finding("skipped", f"view {view.name}", told, Severity.note, views=(view.name,))
 
 
 def _scan_parts(parts: list[ScanPart], at: ViewContext) -> dict[str, xr.Dataset]:
