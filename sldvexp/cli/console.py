@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import importlib.util
 import io
+import threading
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -146,7 +147,7 @@ def advice(experiment: Experiment, groups: Mapping[str, xr.Dataset]) -> Advice:
     if not groups and experiment.volume is not None:
         given = planner.check_stands(experiment)
         reached = f"The stands that are given: {_reached(given)}."
-        return Advice([reached, BETTER], _drawn(given), _drawn(given, NARROW))
+        return Advice([reached, BETTER], PlanFigure(given))
     if experiment.volume is None or not any(name.startswith("image/") for name in groups):
         return Advice(["Without a volume and images of it nobody can say where to stand next."])
     done = RunData(dict(groups), {}, Path())
@@ -160,15 +161,26 @@ def advice(experiment: Experiment, groups: Mapping[str, xr.Dataset]) -> Advice:
     for stand in after.added:
         place, what = (_metres(point) for point in (stand.origin, stand.look_at))
         told.append(f"Stand next at {place} m and look at {what} m. Then: {_reached(after)}.")
-    return Advice(told, _drawn(after), _drawn(after, NARROW))
+    return Advice(told, PlanFigure(after))
 
 
-def _drawn(plan: StandPlan, width: float | None = None) -> bytes:
-    """Draw a plan for the page, as PNG; width in m."""
-    content = io.BytesIO()
-    made = planner.figure.draw(plan, width=width)
-    made.savefig(content, format="png", dpi=DOTS, metadata={"Software": None})
-    return content.getvalue()
+class PlanFigure:
+    """Figure of a plan for the page, drawn when it is asked for and once for each width."""
+
+    def __init__(self, plan: StandPlan) -> None:
+        self._plan = plan
+        self._drawn: dict[bool, bytes] = {}
+        self._lock = threading.Lock()  # of two browsers that ask at once
+
+    def __call__(self, narrow: bool) -> bytes:
+        """Give it as PNG, for a narrow screen or not."""
+        with self._lock:
+            if narrow not in self._drawn:
+                content = io.BytesIO()
+                made = planner.figure.draw(self._plan, width=NARROW if narrow else None)
+                made.savefig(content, format="png", dpi=DOTS, metadata={"Software": None})
+                self._drawn[narrow] = content.getvalue()
+            return self._drawn[narrow]
 
 
 def _reached(plan: StandPlan) -> str:

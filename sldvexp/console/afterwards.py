@@ -27,14 +27,18 @@ Groups = Mapping[str, xr.Dataset]
 
 @dataclass(frozen=True)
 class Advice:
-    """Advice on where to stand, in sentences, with a figure as PNG, wide and for narrow screens.
+    """Advice on where to stand.
 
-    Empty if there is none.
+    Parameters
+    ----------
+    told : list of str
+        In sentences.
+    figure : callable, optional
+        Draws its figure as PNG, for a narrow screen or not; called when a browser asks for it.
     """
 
     told: list[str]
-    figure: bytes = b""
-    narrow: bytes = b""
+    figure: Callable[[bool], bytes] | None = None
 
 
 #: Advises from an experiment and the groups of its views that are done.
@@ -68,6 +72,7 @@ class Afterwards:
         self._planned = planned or (lambda advice: None)
         self._groups: dict[str, xr.Dataset] = {}
         self._told: dict[str, list[str]] = {}
+        self._scanned: dict[str, list[str]] = {}  # of these what the scan itself says
         self._waiting = 0
         self._work: queue.Queue[tuple[str, Groups] | None] = queue.Queue()
         self._thread = threading.Thread(target=self._do, name="afterwards", daemon=True)
@@ -92,7 +97,7 @@ class Afterwards:
             self._waiting -= 1
             self._groups |= groups
             told = [line for g in groups.values() for line in _summary(g)]
-            self._told[name] = told
+            self._told[name] = self._scanned[name] = told
             self._tell(self._told)
             try:
                 result = self._pose()
@@ -100,8 +105,7 @@ class Afterwards:
                     continue
                 for view in result.views:
                     if view in self._told:
-                        lines = [t for t in self._told[view] if not t.startswith(POSE)]
-                        self._told[view] = [*sentences(result, view), *lines]
+                        self._told[view] = [*sentences(result, view), *self._scanned[view]]
                 self._tell(self._told)
                 if self._advise is not None and not self._waiting:
                     self._planned(

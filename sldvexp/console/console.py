@@ -245,7 +245,13 @@ class Console:
         self.board.tell("planned", {"told": advice.told, "figure": shown})
 
     def _figure(self, narrow: bool) -> bytes:
-        return self._plan.narrow if narrow else self._plan.figure
+        if self._plan.figure is None:
+            return b""
+        try:
+            return self._plan.figure(narrow)
+        except Exception:  # what is told of the plan stands without it
+            log.exception("drawing a plan")
+            return b""
 
     def _kept(self, error: BaseException) -> str:
         """Say why a run ended, and how the console itself goes on with it."""

@@ -195,7 +195,7 @@ def _arrive(
     """Open the instrument in a view, where the operator must take it if it cannot go by itself."""
     if len(e.scan.view_names()) > 1 and not e.instrument.takes_views_itself:
         rough = e.scan.rough_poses().get(view)
-        operator.ask(_request(view, any(kept.glob("[!.]*")), rough))
+        operator.wait_for(_request(view, any(kept.glob("[!.]*")), rough))
     return e.instrument.open(e.scene, e.laser, e.target, seed=e.seed, view=view)
 
 

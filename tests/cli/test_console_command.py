@@ -137,7 +137,7 @@ def planned(monkeypatch):
     now, after = plan(2e-3, undetermined=4), plan(1e-3, added=(stand,))
     monkeypatch.setattr(planner, "check_stands", lambda *_: now)
     monkeypatch.setattr(planner, "next_stand", lambda *_: after)
-    monkeypatch.setattr(console, "_drawn", lambda plan, width=None: b"drawn")
+    return now, after
 
 
 VOLUME = Grid(size=[0.3, 0.2], shape=[5, 4], layers=2)
@@ -145,7 +145,7 @@ VOLUME = Grid(size=[0.3, 0.2], shape=[5, 4], layers=2)
 
 def test_advice_tells_what_is_reached_and_where_to_stand_next(planned):
     found = console.advice(Experiment(volume=VOLUME), {"pose": None, "image/1": None})
-    assert found.figure == b"drawn"
+    assert found.figure._plan is planned[1]
     assert found.told == [
         "If you stopped here: 4 of 9 nodes are seen by too few views to determine all components.",
         "Stand next at (1.00, 2.00, 3.46) m and look at (0.00, 0.00, 0.00) m. Then: the r.m.s. "
@@ -173,7 +173,8 @@ def test_advice_before_a_scan_is_what_the_given_stands_reach(planned, monkeypatc
     found = console.advice(experiment, {})
     assert asked == [(experiment,)]
     assert found.told[0].startswith("The stands that are given: the r.m.s. bound is 2 mm/s")
-    assert (found.told[1], found.figure) == (console.BETTER, b"drawn")
+    assert found.told[1] == console.BETTER
+    assert found.figure._plan is NOW
 
 
 NOW = types.SimpleNamespace(
@@ -181,7 +182,21 @@ NOW = types.SimpleNamespace(
 )
 
 
-def test_figure_of_a_plan_is_a_picture():
+def test_figure_of_a_plan_is_drawn_as_it_is_asked_for_and_once(monkeypatch):
     experiment = Experiment(volume=VOLUME, laser=TwoMirror())
     experiment.plan.candidates = 50
-    assert console._drawn(planner.plan(experiment)).startswith(b"\x89PNG")
+    widths, draw = [], planner.figure.draw
+
+    def drawn(plan, width=None):
+        widths.append(width)
+        return draw(plan, width=width)
+
+    monkeypatch.setattr(planner.figure, "draw", drawn)
+    figure = console.PlanFigure(planner.plan(experiment))
+    assert widths == []
+    narrow, again = figure(True), figure(True)
+    assert narrow.startswith(b"\x89PNG")
+    assert again is narrow
+    assert widths == [console.NARROW]
+    assert figure(False) != narrow
+    assert widths == [console.NARROW, None]
