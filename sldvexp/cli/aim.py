@@ -26,8 +26,7 @@ from sldvexp.scan import Scan, ScanPart
 from sldvexp.scan.by_hand import ByHand
 from sldvexp.scan.session import Session
 from sldvexp.sweep import recorded_config
-from sldvexp.targets import Circles, Target, shaded_circles
-from sldvexp.targets.shadows import shade_told
+from sldvexp.targets import Circles, Target, unseen_circles
 from sldvexp.typing import Array
 from sldvexp.units import LengthUnit, beyond_belief, unit_named
 
@@ -225,11 +224,11 @@ def known_lines(view: PosedView, around: Surroundings, unit: LengthUnit) -> Iter
     """Yield a line for each circle or mark, and each corner of the region, that is known."""
     target, laser = around.target, around.laser
     if isinstance(target, Circles):
-        hidden = shaded_circles(view.origin, target)
+        unseen = unseen_circles(view.origin, target)
         for number, edge in zip(target.circles, target.outlines(), strict=True):
             yield point_line(f"circle {number} ", edge.mean(axis=0), view, laser, unit)
-            if others := hidden.get(number):
-                yield f"    {shade_told(number, others)}"
+            if number in unseen:
+                yield f"    it is {unseen[number]}"
             elif beyond := _unreachable(edge, view, laser):
                 yield f"    its edge: {beyond}"
     elif target is not None:

@@ -162,6 +162,7 @@ class Command:
         self.full_error = full_error
         self.status = DONE
         self.defect: BaseException | None = None
+        self.ended: BaseException | None = None  # what ended a run and was told
         self.sweep: sweep.Sweep | None = None
         self.recorded = False  # whether a run's folder says what is run
         self.experiment: Experiment | None = None  # of a single run, checked before it begins
@@ -367,6 +368,7 @@ class Command:
             if sentence is None or self.full_error:
                 self.defect = self.defect or error  # of a sweep's, Hydra raises the first
                 raise
+            self.ended = error
             self._say(sentence)
         finally:
             if self.sweep:

@@ -10,6 +10,7 @@ import re
 import sys
 from argparse import ArgumentParser, Namespace
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -175,6 +176,32 @@ def arguments_of(arguments: Sequence[str]) -> list[str]:
         than settings of a run.
     """
     folder = Path(next(a for a in arguments if a.startswith(KEY)).removeprefix(KEY)).resolve()
+    begun = begun_with(folder)
+    others = [a for a in arguments if not a.startswith(KEY)]
+    added = [part for path in begun.config_dirs for part in ("--config-dir", path)]
+    if begun.config_name != "config":
+        added += ["--config-name", begun.config_name]
+    where = QuotedString(str(folder), Quote.single).with_quotes()
+    return [*begun.settings, *others, f"hydra.run.dir={where}", *added]
+
+
+@dataclass(frozen=True)
+class CommandLine:
+    """Command line of which a run was begun: settings, and where files of the user's own are."""
+
+    settings: list[str]
+    config_dirs: list[str]
+    config_name: str
+
+
+def begun_with(folder: Path) -> CommandLine:
+    """Read with what an unfinished run was begun, and change to where that was.
+
+    Raises
+    ------
+    UserError
+        See `arguments_of`.
+    """
     if (folder / READY).is_dir():  # a run that was killed when it was done
         with sweep.lock.alone(folder):
             pass
@@ -206,12 +233,7 @@ def arguments_of(arguments: Sequence[str]) -> list[str]:
             f"{displayed(hydra)}: the run was started in {cwd}, which is gone"
         ) from None
     user = [s["path"] for s in sources if s.get("provider") == "command-line"]
-    others = [a for a in arguments if not a.startswith(KEY)]
-    added = [part for path in user for part in ("--config-dir", path)]
-    if name != "config":
-        added += ["--config-name", name]
-    where = QuotedString(str(folder), Quote.single).with_quotes()
-    return [*overrides, *others, f"hydra.run.dir={where}", *added]
+    return CommandLine(overrides, user, name)
 
 
 def _read(path: Path) -> Any:

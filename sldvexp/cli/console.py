@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import importlib.util
 import io
+import threading
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -15,7 +16,7 @@ from pathlib import Path
 from omegaconf import open_dict
 
 from sldvexp import config, console, planner
-from sldvexp.cli.commands import KEY, arguments_of
+from sldvexp.cli.commands import KEY, CommandLine, arguments_of, begun_with
 from sldvexp.cli.help import COMMAND_HELP
 from sldvexp.cli.in_process import watched_run
 from sldvexp.config import registry
@@ -67,9 +68,14 @@ def run(words: list[str], config_dir: str | None, port: str | None = None) -> in
         )
     folder = Path(config_dir or OWN_FOLDER)
     unfinished = next((Path(w.removeprefix(KEY)) for w in words if w.startswith(KEY)), None)
+    added: list[str] = []
     if unfinished is not None:
-        folder, unfinished = folder.absolute(), unfinished.absolute()  # see `arguments_of`
-        words = [f"{KEY}{unfinished}"]
+        folder, unfinished = folder.absolute(), unfinished.absolute()  # see `begun_with`
+        begun = begun_with(unfinished)
+        folder = _folder_of(unfinished, begun, folder if config_dir else None) or folder
+        added = [word for word in words if not word.startswith(KEY)]
+        words = [*begun.settings, *added]
+        config_dir = str(folder) if begun.config_dirs else None
     experiment = composed(words, config_dir)
     if experiment.scan is None or not isinstance(experiment.instrument, ScanningPlugin):
         raise UserError(
@@ -85,12 +91,29 @@ def run(words: list[str], config_dir: str | None, port: str | None = None) -> in
 
     number = _number(port)
     with console.Console(
-        experiment, words, folder, aimed, scanned, number, advice, unfinished
+        experiment, words, folder, aimed, scanned, number, advice, unfinished, added
     ) as made:
         print(f"{made.address}\nopen it in a browser on this machine; Ctrl-C ends it", flush=True)
         with suppress(KeyboardInterrupt):
             made.serve()
     return 0
+
+
+def _folder_of(run: Path, begun: CommandLine, given: Path | None) -> Path | None:
+    """Find the user's folder with which a run was begun, None if it was without one.
+
+    Raises
+    ------
+    UserError
+        If another one is given: what is aimed would go where its experiment is not.
+    """
+    own = Path(begun.config_dirs[-1]) if begun.config_dirs else None
+    if given is not None and own is not None and given.resolve() != own.resolve():
+        raise UserError(
+            f"command line: --config-dir {given}: the run {run} was begun with that of {own}, and "
+            "goes on with it; leave the option out"
+        )
+    return own
 
 
 def composed(words: Sequence[str], config_dir: str | None) -> Experiment:
@@ -124,7 +147,7 @@ def advice(experiment: Experiment, groups: Mapping[str, xr.Dataset]) -> Advice:
     if not groups and experiment.volume is not None:
         given = planner.check_stands(experiment)
         reached = f"The stands that are given: {_reached(given)}."
-        return Advice([reached, BETTER], _drawn(given), _drawn(given, NARROW))
+        return Advice([reached, BETTER], PlanFigure(given))
     if experiment.volume is None or not any(name.startswith("image/") for name in groups):
         return Advice(["Without a volume and images of it nobody can say where to stand next."])
     done = RunData(dict(groups), {}, Path())
@@ -138,15 +161,26 @@ def advice(experiment: Experiment, groups: Mapping[str, xr.Dataset]) -> Advice:
     for stand in after.added:
         place, what = (_metres(point) for point in (stand.origin, stand.look_at))
         told.append(f"Stand next at {place} m and look at {what} m. Then: {_reached(after)}.")
-    return Advice(told, _drawn(after), _drawn(after, NARROW))
+    return Advice(told, PlanFigure(after))
 
 
-def _drawn(plan: StandPlan, width: float | None = None) -> bytes:
-    """Draw a plan for the page, as PNG; width in m."""
-    content = io.BytesIO()
-    made = planner.figure.draw(plan, width=width)
-    made.savefig(content, format="png", dpi=DOTS, metadata={"Software": None})
-    return content.getvalue()
+class PlanFigure:
+    """Figure of a plan for the page, drawn when it is asked for and once for each width."""
+
+    def __init__(self, plan: StandPlan) -> None:
+        self._plan = plan
+        self._drawn: dict[bool, bytes] = {}
+        self._lock = threading.Lock()  # of two browsers that ask at once
+
+    def __call__(self, narrow: bool) -> bytes:
+        """Give it as PNG, for a narrow screen or not."""
+        with self._lock:
+            if narrow not in self._drawn:
+                content = io.BytesIO()
+                made = planner.figure.draw(self._plan, width=NARROW if narrow else None)
+                made.savefig(content, format="png", dpi=DOTS, metadata={"Software": None})
+                self._drawn[narrow] = content.getvalue()
+            return self._drawn[narrow]
 
 
 def _reached(plan: StandPlan) -> str:

@@ -19,12 +19,10 @@ from sldvexp.errors import UserError
 from sldvexp.lazy import xarray as xr
 from sldvexp.limits import shown
 from sldvexp.session.interruption import (
-    LINES_KEPT,
-    SCAN_KEPT,
+    EndedScanError,
     InterruptedRun,
     UnfinishedError,
     has_lines,
-    how_to_go_on,
 )
 from sldvexp.session.journal import lines_kept
 from sldvexp.stopping import handlers_kept
@@ -114,14 +112,13 @@ def watched_run(
     except KeyboardInterrupt as stop:
         if call.folder is None or not has_lines(call.folder):
             raise
-        raise InterruptedRun(str(stop), call.folder) from stop
+        raise InterruptedRun("interrupted", call.folder) from stop
     if call.told:
+        if isinstance(call.ended, EndedScanError):
+            raise call.ended
         told = "\n".join(call.told)
-        said = LINES_KEPT in told or SCAN_KEPT in told
-        kept = call.folder is not None and any(lines_kept(call.folder / JOURNAL).values())
-        if call.folder is None or not (said or kept):
+        if call.folder is None or not any(lines_kept(call.folder / JOURNAL).values()):
             raise UserError(told)
-        told += "" if said else f"; {how_to_go_on(call.folder)}"
         raise UnfinishedError(told, call.folder)
     assert call.folder is not None  # a call that is refused says so
     return call.folder

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import logging
 import queue
-import re
 import threading
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -28,14 +27,18 @@ Groups = Mapping[str, xr.Dataset]
 
 @dataclass(frozen=True)
 class Advice:
-    """Advice on where to stand, in sentences, with a figure as PNG, wide and for narrow screens.
+    """Advice on where to stand.
 
-    Empty if there is none.
+    Parameters
+    ----------
+    told : list of str
+        In sentences.
+    figure : callable, optional
+        Draws its figure as PNG, for a narrow screen or not; called when a browser asks for it.
     """
 
     told: list[str]
-    figure: bytes = b""
-    narrow: bytes = b""
+    figure: Callable[[bool], bytes] | None = None
 
 
 #: Advises from an experiment and the groups of its views that are done.
@@ -69,6 +72,7 @@ class Afterwards:
         self._planned = planned or (lambda advice: None)
         self._groups: dict[str, xr.Dataset] = {}
         self._told: dict[str, list[str]] = {}
+        self._scanned: dict[str, list[str]] = {}  # of these what the scan itself says
         self._waiting = 0
         self._work: queue.Queue[tuple[str, Groups] | None] = queue.Queue()
         self._thread = threading.Thread(target=self._do, name="afterwards", daemon=True)
@@ -93,7 +97,7 @@ class Afterwards:
             self._waiting -= 1
             self._groups |= groups
             told = [line for g in groups.values() for line in _summary(g)]
-            self._told[name] = told
+            self._told[name] = self._scanned[name] = told
             self._tell(self._told)
             try:
                 result = self._pose()
@@ -101,8 +105,7 @@ class Afterwards:
                     continue
                 for view in result.views:
                     if view in self._told:
-                        lines = [t for t in self._told[view] if not t.startswith(POSE)]
-                        self._told[view] = [*sentences(result, view), *lines]
+                        self._told[view] = [*sentences(result, view), *self._scanned[view]]
                 self._tell(self._told)
                 if self._advise is not None and not self._waiting:
                     self._planned(
@@ -153,20 +156,15 @@ def sentences(result: PoseResult, view: str) -> list[str]:
 
 
 def of_view(finding: Finding, view: str) -> bool:
-    """Tell whether a finding is about a view, alone or among others, or about all of them.
+    """Tell whether a finding is about a view, alone or among others, or about none in particular.
 
     Examples
     --------
-    >>> of_view(Finding("odd", "view left", "odd"), "right")
-    False
-    >>> [of_view(Finding("odd", "views 1, 2 and 4", "odd"), view) for view in ("2", "3")]
-    [True, False]
+    >>> odd = Finding("odd", "views 1, 2 and 4", "odd", views=("1", "2", "4"))
+    >>> [of_view(odd, view) for view in ("2", "3")], of_view(Finding("odd", "run", "odd"), "3")
+    ([True, False], True)
     """
-    _, one, named = finding.subject.rpartition("view ")
-    if one:
-        return named == view or named.startswith(f"{view}, ")
-    _, several, named = finding.subject.rpartition("views ")
-    return not several or view in re.split(", | and ", named)
+    return not finding.views or view in finding.views
 
 
 def _summary(group: xr.Dataset) -> list[str]:

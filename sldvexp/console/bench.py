@@ -169,6 +169,11 @@ class AimingBench:
         ahead = {view: self.outlook.of(self.marks.of(view), view).predicted for view in self.views}
         return self.marks.settings(self.experiment, ahead)
 
+    def contradictions(self) -> str:
+        """Say which marks of the views contradict one another; empty if none do."""
+        wrong = ((view, self.outlook.of(self.marks.of(view), view).wrong) for view in self.views)
+        return "; ".join(f"view {view}: {told}" for view, told in wrong if told)
+
     # ---- what is wished ----
 
     def _do(self, wish: Wish) -> None:
@@ -516,6 +521,10 @@ class AimingBench:
             "predicted": [
                 {"kind": kind, "number": number, "dac": list(steps)}
                 for (kind, number), steps in ahead.predicted.items()
+            ],
+            "out": [
+                {"kind": kind, "number": number, "why": why}
+                for (kind, number), why in ahead.out.items()
             ],
             "outlines": [
                 {"points": np.round(points, 1).tolist(), "closed": True}

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 import queue
-import re
 import threading
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -23,16 +22,9 @@ from sldvexp.console.written import CHOICE, command_with, settings_with, write_e
 from sldvexp.dataset import RunData
 from sldvexp.errors import UserError
 from sldvexp.files import read_text
-from sldvexp.instrument import NOT_HOME
 from sldvexp.report import REPORT_FILE, closing_lines
 from sldvexp.session import Operator, Watcher
-from sldvexp.session.interruption import (
-    GO_ON,
-    LINES_KEPT,
-    SCAN_KEPT,
-    InterruptedRun,
-    UnfinishedError,
-)
+from sldvexp.session.interruption import EndedScanError, InterruptedRun, UnfinishedError
 
 log = logging.getLogger(__name__)
 
@@ -43,8 +35,8 @@ PATIENCE = 30.0
 BEGINS = "The scan begins: the configuration is read and the instrument is opened …"
 #: Scan of which nothing is going on.
 AT_REST = {"running": False, "paused": False, "part": 0.0, "facts": {}}
-#: Part of a sentence that holds until an instrument answers again.
-ANSWERED = re.compile(f"; {NOT_HOME}.*?(?=; (?:{LINES_KEPT}|{SCAN_KEPT})|$)", re.DOTALL)
+#: How a kept scan goes on in the console itself, before the command that does it without.
+HERE = "Go on does that here, or once this console has ended:"
 #: Runs settings with a watcher and an operator; the run's folder.
 Run = Callable[[Sequence[str], Watcher, Operator], Path]
 
@@ -71,6 +63,8 @@ class Console:
         stands reach that the configuration gives.
     unfinished : Path, optional
         Folder of a run that was cut off, which *Go on* goes on with.
+    added : sequence of str
+        Settings with which that goes on, besides its own.
     """
 
     def __init__(
@@ -83,6 +77,7 @@ class Console:
         port: int = 0,
         advise: Advise | None = None,
         unfinished: Path | None = None,
+        added: Sequence[str] = (),
     ) -> None:
         self.experiment, self.settings, self.folder = experiment, list(settings), folder
         self.board = NoticeBoard()
@@ -94,8 +89,10 @@ class Console:
         self._plan, self._plans = Advice([]), 0
         self._advising: list[threading.Thread] = []
         self._ours: dict[Path, str] = {}  # files that were written, as they were
-        self._unfinished = unfinished
-        self._last: tuple[Scanning, str] | None = None  # scan that has ended, and why
+        self._unfinished, self._added = unfinished, list(added)
+        self._warned = ""  # contradiction of marks of which was told at Scan
+        self._last: Scanning | None = None  # scan that has ended
+        self._end: BaseException | None = None  # why, if it was not done
         self.bench.answered = self._answered
         self.bench.further = {
             "write": self._write,
@@ -125,7 +122,7 @@ class Console:
         for thread in self._advising:
             thread.join(PATIENCE)
         if self._last is not None:
-            self._last[0].join(PATIENCE)
+            self._last.join(PATIENCE)
 
     def serve(self) -> None:
         """Aim and scan as the controller wishes, until Ctrl-C."""
@@ -159,7 +156,14 @@ class Console:
         return False
 
     def _scan(self, wish: Wish) -> None:
-        """Scan what was aimed, as a run of the experiment that is written of it."""
+        """Scan what was aimed, as a run of the experiment that is written of it.
+
+        Marks that contradict one another are told first, once.
+        """
+        told = self.bench.contradictions()
+        if told not in ("", self._warned):
+            self._warned = told
+            raise UserError(f"{told}; or Scan again, which scans with the marks as they are")
         scan = self.bench.settings()
         settings = self._written(wish) if scan else self.settings
         self._run_it(settings, self._compose(settings) if scan else self.experiment)
@@ -168,11 +172,15 @@ class Console:
         """Go on with the run that failed or was stopped, or that was cut off before."""
         if self._unfinished is None:
             raise UserError("there is no scan to go on with")
-        settings = [f"resume={self._unfinished}"]
-        self._run_it(settings, self._compose(settings))
+        folder = self._unfinished
+        settings = [f"resume={folder}", *self._added]
+        experiment = self._compose(settings)
+        self._run_it(settings, experiment, folder)
 
-    def _run_it(self, settings: Sequence[str], experiment: Experiment) -> None:
-        """Run settings, and tell what becomes of it."""
+    def _run_it(
+        self, settings: Sequence[str], experiment: Experiment, begun: Path | None = None
+    ) -> None:
+        """Run settings, and tell what becomes of it; a run that was begun can go on until done."""
         self.bench.leave()  # the run opens the instrument for itself
         scanning = Scanning(experiment, self.board, self.wishes, self._advise, self._tell_advice)
         self.board.tell("phase", "scan")
@@ -181,7 +189,7 @@ class Console:
             "result", {"told": "The report stands here when the scan is done.", "page": False}
         )
         self.bench.say("")
-        why, self._unfinished = "", None
+        why, self._unfinished, self._end = "", begun, None
         try:
             folder = self._run(settings, scanning, Asked(scanning, self.bench.marks))
         except UserError as error:
@@ -193,6 +201,7 @@ class Console:
             why = self._kept(stop) or "stopped"
             self._ended(why)
         else:
+            self._unfinished = None
             self._page = folder / REPORT_FILE
             page = self._page.is_file()
             with dataset.load(folder / RUN_FILE) as tree:
@@ -204,8 +213,8 @@ class Console:
             self.bench.say("The scan is done.")
         finally:
             scanning.end(why, resumable=self._unfinished is not None)
-            self._last = scanning, why
-            if NOT_HOME in why:
+            self._last = scanning
+            if isinstance(self._end, EndedScanError) and self._end.not_home:
                 self.bench.doubt()
             if scanning.lost:
                 self.bench.steered = False
@@ -236,22 +245,38 @@ class Console:
         self.board.tell("planned", {"told": advice.told, "figure": shown})
 
     def _figure(self, narrow: bool) -> bytes:
-        return self._plan.narrow if narrow else self._plan.figure
+        if self._plan.figure is None:
+            return b""
+        try:
+            return self._plan.figure(narrow)
+        except Exception:  # what is told of the plan stands without it
+            log.exception("drawing a plan")
+            return b""
 
     def _kept(self, error: BaseException) -> str:
         """Say why a run ended, and how the console itself goes on with it."""
+        self._end = error
         if isinstance(error, UnfinishedError | InterruptedRun):
-            self._unfinished = error.folder
-        here = "Go on does that here, or once this console has ended: "
-        return str(error).replace(GO_ON, here)
+            self._unfinished, self._added = error.folder, []  # which the folder records by now
+        return self._why(error)
+
+    def _why(self, error: BaseException, answers: bool = False) -> str:
+        """Say why a run ended; without how the instrument was left, if it answers again."""
+        if not isinstance(error, EndedScanError | InterruptedRun):
+            return str(error)
+        parts = [error.why]
+        if isinstance(error, EndedScanError) and not answers:
+            parts += [error.not_home]
+        if isinstance(error, UnfinishedError | InterruptedRun):
+            parts += [f"{error.kept.told} {HERE} {error.kept.command}"]
+        return "; ".join(part for part in parts if part)
 
     def _answered(self) -> None:
         """Say no more that the mirrors may not be home: who answers was brought to its place."""
-        if self._last is not None:
-            scanning, why = self._last
-            self._last = scanning, ANSWERED.sub("", why)
-            scanning.retell(self._last[1])
-            self.board.tell("result", {"told": self._last[1], "page": False})
+        if self._last is not None and self._end is not None:
+            why = self._why(self._end, answers=True)
+            self._last.retell(why)
+            self.board.tell("result", {"told": why, "page": False})
 
     def _ended(self, why: str, problem: bool = False) -> None:
         self.board.tell("result", {"told": why, "page": False})

@@ -14,7 +14,7 @@ from typing import Any
 
 from sldvexp.config.experiment import Experiment
 from sldvexp.instrument import InstrumentError
-from sldvexp.instrument.person import Mark, Place, Steps
+from sldvexp.instrument.person import Mark, Place, Steps, TakenBackError
 from sldvexp.scan import Scan, ScanPart
 from sldvexp.scan.by_digitizer import ByDigitizer
 from sldvexp.scan.by_hand import ByHand
@@ -110,6 +110,12 @@ class AimedPerson:
     def aim(self, mark: Mark, start: Steps) -> Steps | None:
         """See `Person`; a mark that was not found is hidden."""
         return self.found.get(mark.number)
+
+    def review(self, found: Mapping[int, Steps | None]) -> None:
+        """See `Reviewer`; what was aimed anew counts, in the place of what a run has kept."""
+        for number, steps in found.items():
+            if steps != self.found.get(number):
+                raise TakenBackError(number)
 
     def digitise(self, spot: int, samples: int) -> list[Place]:
         """See `Person`; who points has no digitizer."""

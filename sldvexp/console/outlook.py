@@ -23,14 +23,14 @@ from sldvexp.config.experiment import Experiment
 from sldvexp.console.marks import CIRCLE, CORNER, FIDUCIAL, Name, Steps, parts_of
 from sldvexp.errors import UserError
 from sldvexp.geometry import KnownPose, euler_from_rotation, rotation_from_euler
-from sldvexp.laser import corrected_pose
+from sldvexp.laser import beyond_told, corrected_pose
 from sldvexp.pose import Aiming, AimingPlace
 from sldvexp.pose.aiming import pointing_of
-from sldvexp.pose.rough_pose import RoughPose, predicted_steps
+from sldvexp.pose.rough_pose import RoughPose, predicted_angles, predicted_steps
 from sldvexp.scan.by_hand import ByHand
 from sldvexp.scan.rectangle import Rectangle, ScanRegion
 from sldvexp.session.by_person import known_marks
-from sldvexp.targets import Circles
+from sldvexp.targets import Circles, unseen_circles
 from sldvexp.targets.base import std_of_bound
 from sldvexp.typing import Array, IntArray
 
@@ -38,6 +38,10 @@ from sldvexp.typing import Array, IntArray
 SURE = 4
 #: Distance by which a rough pose may be wrong, m.
 NEAR = 0.3
+#: Places that cannot be aimed at of which is told in words.
+MOST_TOLD = 2
+#: What circles that cannot be aimed at mean for the scan.
+ALL_CIRCLES = "The scan needs every circle: turn the instrument, or stand where all are seen."
 #: Pixels of the picture in which circles are marked, across the board's range.
 PIXELS = 640
 #: Points of a circle's outline, and of a structure's at most.
@@ -55,14 +59,20 @@ class Foresight:
     residual : dict of (kind, number) to float
         Steps by which a mark is off where the others put it.
     outlines : list of ndarray, shape (point, 2), steps
+    out : dict of (kind, number) to str
+        Places that are not marked and cannot be: what they are instead.
     told : str
-        Of the pose, in a sentence or two.
+        Of the pose, in some sentences.
+    wrong : str
+        Which marks contradict one another; empty if none do.
     """
 
     predicted: dict[Name, Steps] = field(default_factory=dict)
     residual: dict[Name, float] = field(default_factory=dict)
     outlines: list[Array] = field(default_factory=list)
+    out: dict[Name, str] = field(default_factory=dict)
     told: str = ""
+    wrong: str = ""
 
 
 class Outlook:
@@ -81,13 +91,26 @@ class Outlook:
         self.places = known_places(experiment, wanted)
         self.rough = experiment.scan.rough_poses()
         target, volume = experiment.target, experiment.volume
-        self.rims = circle_rims(target) if isinstance(target, Circles) else []
+        self.circles = target if isinstance(target, Circles) else None
+        self.rims = [] if self.circles is None else circle_rims(self.circles)
         self.structure = [] if volume is None else surface_outlines(volume)
         parts = (p for p in parts_of(experiment).values() if isinstance(p, Rectangle))
         self.region = next(parts, None)
 
     def of(self, marks: Mapping[Name, Steps], view: str) -> Foresight:
         """Tell what the marks of a view tell, and its rough pose."""
+        found = self._foresight(marks, view)
+        found.out = {name: why for name, why in found.out.items() if name not in marks}
+        if found.out:
+            each = [f"{self.places[name].name} is {why}" for name, why in found.out.items()]
+            told = "; ".join(each[:MOST_TOLD])
+            more = f", and {len(each) - MOST_TOLD} more as the list says" * (len(each) > MOST_TOLD)
+            needed = f" {ALL_CIRCLES}" if any(kind == CIRCLE for kind, _ in found.out) else ""
+            found.told += f" {told[0].upper()}{told[1:]}{more}.{needed}"
+        return found
+
+    def _foresight(self, marks: Mapping[Name, Steps], view: str) -> Foresight:
+        """Tell the same, without what cannot be aimed at."""
         known = {name: marks[name] for name in self.places if name in marks}
         aiming = Aiming(self.laser, list(self.places.values()), self._pointing())
         for name, steps in known.items():
@@ -95,17 +118,20 @@ class Outlook:
         if view in self.rough and len(known) < SURE and self._near(view, aiming.poses):
             return self._by_rough_pose(known, view, aiming.contradiction())
         if aiming.pose is None:
-            return Foresight(told=aiming.weakness() or aiming.contradiction())
+            wrong = aiming.contradiction()
+            return Foresight(told=aiming.weakness() or wrong, wrong=wrong)
         found = self._foreseen(aiming.poses, view)
         for name, place in self.places.items():
             if name in marks and (off := aiming.residual(place.name)) is not None:
                 found.residual[name] = float(np.hypot(*off.steps))
-            with suppress(UserError):  # it cannot be seen from here, or nobody knows yet
-                found.predicted[name] = aiming.predict(place.name).steps
+            with suppress(UserError):  # the mirrors do not reach it, or nobody knows yet
+                if name not in found.out or name in marks:
+                    found.predicted[name] = aiming.predict(place.name).steps
         std = np.sqrt(np.diag(aiming.pose.covariance)[3:]).max()
         told = f"The instrument stands at about {_metres(aiming.pose.origin, std)}."
-        wrong = aiming.contradiction() or aiming.weakness()
-        found.told = f"{told} But {wrong}." if wrong else told
+        found.wrong = aiming.contradiction()
+        doubt = found.wrong or aiming.weakness()
+        found.told = f"{told} But {doubt}." if doubt else told
         return found
 
     def _pointing(self) -> float:
@@ -129,13 +155,13 @@ class Outlook:
         place = f"the instrument stands at about {_metres(pose[1])}."
         if not known:
             searched = " Circles are searched from there: scan at once," if self.rims else " Scan,"
-            found.told = (
-                f"By the scan's rough pose {place}{searched} or take marks where they are known."
-            )
+            ways = f"{searched} or take marks where they are known." if not found.out else ""
+            found.told = f"By the scan's rough pose {place}{ways}"
         else:
             count = f"{len(known)} mark{'s' * (len(known) > 1)}"
             found.told = f"By the scan's rough pose, corrected by {count}, {place}"
         found.told += f" But {wrong}." if wrong else ""
+        found.wrong = wrong
         return found
 
     def _foreseen(self, poses: Sequence[RoughPose], view: str) -> Foresight:
@@ -144,16 +170,27 @@ class Outlook:
         def seen(points: Array) -> Array:
             return predicted_steps(poses, points, self.laser)[0]
 
-        found = Foresight()
+        found = Foresight(out=self._out(poses))
         for name, place in self.places.items():
             dac = seen(place.position[None])[0]
-            if np.isfinite(dac).all():
+            if np.isfinite(dac).all() and name not in found.out:
                 found.predicted[name] = (round(float(dac[0])), round(float(dac[1])))
         outlines = [seen(points) for points in (*self.rims, *self.structure)]
         found.outlines = [dac[np.isfinite(dac).all(axis=1)] for dac in outlines]
         if CORNER in self.wanted:
             corners = self._region(poses[0], view) or self._box(found.outlines[len(self.rims) :])
             found.predicted |= {(CORNER, k): (u, v) for k, (u, v) in enumerate(corners, 1)}
+        return found
+
+    def _out(self, poses: Sequence[RoughPose]) -> dict[Name, str]:
+        """Say of places why nobody can aim at them: they show their back, or are out of reach."""
+        hidden = {} if self.circles is None else unseen_circles(poses[0].origin, self.circles)
+        found = {(CIRCLE, number): why for number, why in hidden.items()}
+        points = np.array([place.position for place in self.places.values()]).reshape(-1, 3)
+        angles, _ = predicted_angles(poses, points, self.laser)
+        for name, angle in zip(self.places, angles, strict=True):
+            if name not in found and (beyond := beyond_told(angle, self.laser)):
+                found[name] = beyond
         return found
 
     def _region(self, pose: RoughPose, view: str) -> list[list[int]]:

@@ -116,6 +116,9 @@ class Painter:
         self._kept: dict[str, list[_PaintedLine]] = {}  # of these, to be shown again
         self._power: dict[str, NDArray[Any]] = {}  # of these, by frequency
         self._chosen: dict[str, int] = {}  # of these, the frequency that is shown
+        self._ends: dict[str, IntArray] = {}  # of these, smallest and largest steps
+        self._size_kept: dict[str, int] = {}  # of these, amplitudes that are kept
+        self._apart: dict[tuple[str, str], int] = {}  # of views and kinds, steps between rows
         self._in_steps: Scan | None = None
         self._lines: queue.Queue[LineDone | None] = queue.Queue()
         board.begin("image")
@@ -160,6 +163,7 @@ class Painter:
         if first.view != self._view:
             self._view, self.flagged, self.bad = first.view, {}, {}
             self._squares, self._kept, self._power, self._chosen = {}, {}, {}, {}
+            self._ends, self._size_kept = {}, {}
         found = painted_pixels(*lines)
         ends = np.cumsum([len(line.dac) for line in lines])[:-1]
         parts = []
@@ -184,9 +188,11 @@ class Painter:
         before = self._kept.setdefault(shown, [])
         square = self._squares.get(shown) or self._square(line)
         if line.kind == CIRCLES:
-            dac = np.concatenate([part.dac for part in (*before, *parts)])
-            if (dac < square[0]).any() or (dac >= square[1]).any():
-                square = square_around(dac, GROWN if line.searches else AROUND)
+            known = [self._ends[shown]] if shown in self._ends else []
+            dac = np.concatenate([*known, *(part.dac for part in parts)])
+            ends = self._ends[shown] = np.stack([dac.min(axis=0), dac.max(axis=0)])
+            if (ends < square[0]).any() or (ends >= square[1]).any():
+                square = square_around(ends, GROWN if line.searches else AROUND)
         other = self._choose(shown, parts)
         chosen, added = self._chosen[shown], parts
         if other or shown != self._shown or square != self._squares.get(shown):
@@ -199,6 +205,8 @@ class Painter:
             self._board.add("image", part.arrays(chosen), tall=part.tall, wide=part.wide, **how)
         if line.kind == CIRCLES or self._may_choose(shown):
             before += parts
+            more = sum(part.pixels.value.size for part in parts)
+            self._size_kept[shown] = self._size_kept.get(shown, 0) + more
 
     def _choose(self, shown: str, parts: Sequence[_PaintedLine]) -> bool:
         """Choose the frequency at which most moves so far; true if it is another one now."""
@@ -214,8 +222,7 @@ class Painter:
 
     def _may_choose(self, shown: str) -> bool:
         """Tell whether a picture of several frequencies is small enough to be painted anew."""
-        kept = sum(part.pixels.value.size for part in self._kept[shown])
-        return len(self._power[shown]) > 1 and kept <= MOST_KEPT
+        return len(self._power[shown]) > 1 and self._size_kept.get(shown, 0) <= MOST_KEPT
 
     def _image_scan(self, line: LineDone) -> ImageScan | None:
         """Find the part of the scan whose pixels are known beforehand, if the line is of it."""
@@ -231,13 +238,19 @@ class Painter:
 
         Rows of a grid are the same distance apart.
         """
-        along = spacing(line.dac)
+        along, key = spacing(line.dac), (line.view, line.kind)
+        if key not in self._apart:
+            self._apart[key] = self._rows_apart(line)
+        return self._apart[key] or along, along
+
+    def _rows_apart(self, line: LineDone) -> int:
+        """Find how far rows of the grid are apart that a line is of, steps; 0 without a grid."""
         part = self._image_scan(line)
         if part is None or not part.shape(line.view):
-            return along, along
+            return 0
         rows = part.lines(line.view)
         apart = abs(rows[-1][0, 0] - rows[0][0, 0]) / max(len(rows) - 1, 1)
-        return max(int(np.ceil(apart)), 1), along
+        return max(int(np.ceil(apart)), 1)
 
     def _square(self, line: LineDone) -> Square:
         """Find a square of DAC steps around all lines of an image, or around this line."""

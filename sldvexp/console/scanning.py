@@ -284,9 +284,18 @@ class Asked(Operator):
 
     def ask(self, request: str) -> str:
         """See `Operator`."""
+        return self._answer(request, with_text=True)
+
+    def wait_for(self, request: str) -> None:
+        """See `Operator`."""
+        self._answer(request, with_text=False)
+
+    def _answer(self, request: str, with_text: bool) -> str:
+        """Wait for what the controller answers, which may have a text, by *Go on*."""
         scanning = self._scanning
         text = request.strip().rstrip(":").replace("press Enter", "say Go on")
-        scanning.board.tell("ask", {"text": text, "answer": "Enter" not in request})
+        text = text.replace("Enter", "Go on")  # the key of a terminal, a button of the page
+        scanning.board.tell("ask", {"text": text, "answer": with_text})
         try:
             while True:
                 with scanning.asking(request):

@@ -73,7 +73,7 @@ class Server:
     page_of_run : callable
         Gives the page of the run that was finished last, None if there is none.
     plan : callable
-        Gives the figure of the plan that was made last, as PNG, for a narrow screen or not; empty
+        Draws the figure of the plan that was made last, as PNG, for a narrow screen or not; empty
         if there is none.
     port : int
         0 takes a free one.
@@ -168,7 +168,9 @@ class Server:
     async def _plan(self, request: Request) -> Response:
         """Give the figure of the plan that was made last."""
         known = self._known(request.path_params["token"])
-        figure = self.plan(request.url.path.endswith("narrow_plan.png")) if known else b""
+        narrow = request.url.path.endswith("narrow_plan.png")
+        # It is drawn by now at the earliest, which must not keep the others waiting.
+        figure = await asyncio.to_thread(self.plan, narrow) if known else b""
         if not figure:
             return PlainTextResponse(NOT_HERE, 404)
         return Response(figure, media_type="image/png")

@@ -75,6 +75,8 @@ class Finding:
         How large it is, in the unit that the text gives.
     remedy : str
         The setting that would repair it, as ``use_repair=[view_front.sign]``.
+    views : tuple of str
+        Names of the views that it is about; none if it is about all or about none in particular.
 
     Examples
     --------
@@ -90,6 +92,7 @@ class Finding:
     p_value: float = np.nan
     size: float = np.nan
     remedy: str = ""
+    views: tuple[str, ...] = ()
 
 
 def verdict_of(findings: Iterable[Finding]) -> str:
@@ -129,6 +132,7 @@ def findings_to_dataset(findings: Sequence[Finding]) -> xr.Dataset:
         for name in ("kind", "subject", "text", "remedy")
     }
     numbers = {name: np.array([getattr(f, name) for f in ordered], float) for name in NUMBERS}
+    texts["views"] = np.array([json.dumps(f.views) for f in ordered], dtype=str)
     severity = np.array([f.severity.name for f in ordered], dtype=str)
     found = group(
         VERDICT, {"finding": np.arange(len(ordered))}, **texts, severity=severity, **numbers
@@ -162,6 +166,7 @@ def findings_of(groups: Mapping[str, xr.Dataset]) -> list[Finding]:
             p_value=float(one["p_value"]),
             size=float(one["size"]),
             remedy=str(one["remedy"].item()),
+            views=tuple(json.loads(str(one["views"].item()))) if "views" in one else (),
         )
         for stage in stages
         for one in (stage.isel(finding=i) for i in range(stage.sizes["finding"]))
@@ -186,7 +191,7 @@ def with_findings(made: xr.Dataset, findings: Sequence[Finding]) -> xr.Dataset:
     if not findings:
         return made
     texts = [
-        {name: getattr(f, name) for name in ("kind", "subject", "text", "remedy")}
+        {name: getattr(f, name) for name in ("kind", "subject", "text", "remedy", "views")}
         | {"severity": f.severity.name}
         | {name: v for name in NUMBERS if np.isfinite(v := getattr(f, name))}
         for f in findings
@@ -209,7 +214,8 @@ def take_findings(groups: MutableMapping[str, xr.Dataset]) -> list[Finding]:
         if FINDINGS in made.attrs:
             attrs = dict(made.attrs)
             for one in json.loads(attrs.pop(FINDINGS)):
-                found[Finding(**one | {"severity": Severity[one["severity"]]})] = None
+                typed = {"severity": Severity[one["severity"]], "views": tuple(one["views"])}
+                found[Finding(**one | typed)] = None
             bare = made.copy()
             bare.attrs = attrs
             groups[name] = bare

@@ -425,6 +425,7 @@ VARIABLES: dict[str, dict[str, Variable]] = {
         "p_value": _V("finding", "1", "probability of such a statistic without the mistake"),
         "size": _V("finding", "1", "how large it is, in the unit of the text"),
         "remedy": _V("finding", "", "setting that would repair it"),
+        "views": _V("finding", "", "names of the views that it is about, as JSON; [] of none"),
         "text": _V("finding", "", "the finding in a sentence"),
     },
     "check": {

@@ -260,6 +260,7 @@ def _turned_away(view: PointwiseData, at: IndexArray, cosines: Array) -> list[da
             f"the file's direction is nominal, or positive is {other}",
             size=float(angle),
             remedy=f"instrument.positive={other}",
+            views=(view.name,),
         )
     ]
 
@@ -274,7 +275,7 @@ def _far_off(name: str, origin: Array, position: Array) -> list[dataset.Finding]
         f"the origin of view {name} is {away:.3g} m from points that lie within {size:.3g} m of "
         f"one another; {key_of_view(name, 'origin')} is in m"
     )
-    return [dataset.Finding("origin", f"view {name}", text, size=away / size)]
+    return [dataset.Finding("origin", f"view {name}", text, size=away / size, views=(name,))]
 
 
 def _record(views: list[PointwiseData]) -> dict[str, str]:
@@ -518,6 +519,10 @@ def _image(
     if flagged:
         text = f"view {view.name} has not measured {flagged} of its {len(view.node)} points"
         own = f"view {view.name}"
-        findings.append(Finding("missing_points", own, text, Severity.note, size=float(flagged)))
+        findings.append(
+            Finding(
+                "missing_points", own, text, Severity.note, size=float(flagged), views=(view.name,)
+            )
+        )
     made = made.assign_attrs({"summary": summary} | _record([view]))
     return dataset.with_findings(made, findings)

@@ -160,6 +160,7 @@ def unknown_units(
             f"units of the references are {_listed(units)}; where that is not known, the number of "
             f"{key}={setting} was taken to be in it",
             remedy=f"{key}={reference.amount:g}" if one else "",
+            views=tuple(unknown),
         )
     ]
 

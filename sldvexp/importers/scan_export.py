@@ -210,7 +210,7 @@ def _view(
         [
             *absent_numbers(name, roles, node),
             *overruled(settings, name, table, roles),
-            *(Finding("unit", f"view {name}", text) for text in odd),
+            *(Finding("unit", f"view {name}", text, views=(name,)) for text in odd),
             *left_out(settings.columns, name, table, roles),
         ],
         said,

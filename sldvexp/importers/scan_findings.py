@@ -33,7 +33,7 @@ def absent_numbers(name: str, roles: dict[str, int], node: IntArray) -> list[Fin
         f"{node[-1]}: {shown}"
     )
     size = float(len(absent))
-    return [Finding("missing_rows", f"view {name}", text, Severity.note, size=size)]
+    return [Finding("missing_rows", f"view {name}", text, Severity.note, size=size, views=(name,))]
 
 
 #: Different words in a column that may be a point's status; of more, it is a remark.
@@ -51,14 +51,16 @@ def left_out(
     few = {i: sorted(set(table.words[i])) for i in others if i in table.words}
     few = {i: words for i, words in few.items() if len(words) in FEW_WORDS}
     if not few or "status" in roles:
-        return [Finding("left_out", f"view {name}", named, Severity.note)]
+        return [Finding("left_out", f"view {name}", named, Severity.note, views=(name,))]
     column, words = next(iter(few.items()))
     text = (
         f"{named}; column {table.place[column]} is {', '.join(words)}: if that tells which values "
         "are good, points of bad ones are used"
     )
     remedy = f"instrument.columns.status={table.place[column]}"
-    return [Finding("left_out", f"view {name}", text, Severity.doubtful, remedy=remedy)]
+    return [
+        Finding("left_out", f"view {name}", text, Severity.doubtful, remedy=remedy, views=(name,))
+    ]
 
 
 def overruled(
@@ -90,6 +92,7 @@ def overruled(
             f"view {name}",
             f"{table.path}: {settings.key(setting)}={getattr(settings, setting).name} wins, "
             f"although the file says {label}",
+            views=(name,),
         )
         for (setting, label), so in differs.items()
         if so

@@ -399,18 +399,20 @@ def _findings(
 ) -> list[Finding]:
     """List what is odd about a view's file but no reason to refuse it."""
     file, functions, subject = source.file, source.functions, f"view {name}"
-    found = [Finding("unit", subject, text, severity) for text, severity in rules.odd]
+    found = [
+        Finding("unit", subject, text, severity, views=(name,)) for text, severity in rules.odd
+    ]
     if source.overruled:
         key = settings.key("length_unit")
         text = f"{source.places}: {key} wins, although {source.overruled}"
-        found.append(Finding("unit", subject, text))
+        found.append(Finding("unit", subject, text, views=(name,)))
     real = [f for f in functions if not f.complex]
     if real and functions[0].kind != FunctionKind.time.value:
         text = (
             f"{file.source.path}: {len(real)} of {len(functions)} functions of view {name} are of "
             "real numbers, as magnitudes are, whose phase is lost; export complex values"
         )
-        found.append(Finding("phase", subject, text))
+        found.append(Finding("phase", subject, text, views=(name,)))
     return found
 
 

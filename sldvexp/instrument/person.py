@@ -6,7 +6,7 @@ What a person found in an earlier run, in the place of the person.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
@@ -133,6 +133,9 @@ class AimingGuide(Protocol):
     def predict(self, name: str) -> ExpectedPlace:
         """Tell where a mark lies; UserError if that is not known."""
 
+    def out_of_reach(self) -> dict[str, str]:
+        """Say of open marks that the mirrors do not reach by how much that is, by their names."""
+
     def residual(self, name: str) -> ResidualOfMark | None:
         """Compare a mark with where the others put it; None if they do not say."""
 
@@ -141,6 +144,9 @@ class AimingGuide(Protocol):
 
     def weakness(self) -> str:
         """Say in one sentence why little follows from the marks; empty if enough does."""
+
+    def trouble(self) -> str:
+        """Say in one sentence why nothing can be believed of the marks; empty if it can."""
 
 
 #: Makes a guide for the marks of a view.
@@ -165,8 +171,8 @@ class TakenBackError(Exception):
 class Reviewer(Protocol):
     """A person who looks at all marks of a view before the session goes on."""
 
-    def review(self) -> None:
-        """Look at them; raise `TakenBackError` to take one again."""
+    def review(self, found: Mapping[int, Steps | None]) -> None:
+        """Look at them, by their numbers; raise `TakenBackError` to take one again."""
 
 
 @runtime_checkable
@@ -215,8 +221,8 @@ class RecordedPerson:
         return kept["answer"]
 
 
-def mark_name(number: int) -> str:
-    """Name the answer about a mark."""
+def mark_name(number: int | str) -> str:
+    """Name the answer about a mark, or about those of a pattern."""
     return f"mark_{number}"
 
 

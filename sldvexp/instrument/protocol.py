@@ -108,7 +108,29 @@ class RawSamples:
 
 
 class InstrumentError(Exception):
-    """Refusal or failure of the instrument; its text says what happened at which command."""
+    """Refusal or failure of the instrument; its text says what happened at which command.
+
+    Parameters
+    ----------
+    why : str
+        What happened.
+    not_home : str
+        How the instrument may have been left, if not with its mirrors home and its generator off.
+
+    Examples
+    --------
+    >>> error = InstrumentError("sampling: no answer", "the mirrors may not be home")
+    >>> str(error), error.why
+    ('sampling: no answer; the mirrors may not be home', 'sampling: no answer')
+    """
+
+    def __init__(self, why: str, not_home: str = "") -> None:
+        super().__init__("; ".join(part for part in (why, not_home) if part))
+        self.why, self.not_home = why, not_home
+
+    def __reduce__(self) -> tuple[type[InstrumentError], tuple[str, str]]:
+        """Take the parts along to other processes."""
+        return type(self), (self.why, self.not_home)
 
 
 class Instrument(Protocol):

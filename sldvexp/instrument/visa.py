@@ -197,9 +197,9 @@ class CommandedInstrument:
         except InstrumentError as left:
             what = f"{NOT_HOME}: {left}"
             if error is None:
-                raise InstrumentError(what) from left
+                raise InstrumentError("", what) from left
             if isinstance(error, InstrumentError):
-                raise InstrumentError(f"{error}; {what}") from error
+                raise InstrumentError(error.why, what) from error
             log.error(what)
         finally:
             self._persistently.hang_up()

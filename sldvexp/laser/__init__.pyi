@@ -1,3 +1,4 @@
+from .aiming import beyond_told as beyond_told
 from .aiming import corrected_pose as corrected_pose
 from .aiming import dac_jacobian as dac_jacobian
 from .aiming import dac_of_points as dac_of_points

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from sldvexp.errors import UserError
 from sldvexp.geometry import rotation_from_vector, skew
 from sldvexp.laser.model import project, project_jacobian
-from sldvexp.laser.two_mirror import TwoMirror
+from sldvexp.laser.two_mirror import MIRRORS, TwoMirror
 from sldvexp.typing import Array
 
 #: Standard deviation of a rough pose in rotation, rad, and in place, m.
@@ -22,6 +22,8 @@ ROUGH = np.array([0.03] * 3 + [0.04] * 3)
 #: Standard deviation of points that a scan has found, DAC steps: the centre of a circle's image
 #: is not that of the circle.
 FOUND = 2.0
+#: Part of a step that is rounding.
+STEP_ROUNDING = 1e-6
 #: Corrections of a pose; each leaves a hundredth of the error or less.
 ITERATIONS = 8
 
@@ -65,6 +67,36 @@ def dac_of_points(
     except UserError as error:
         told = str(error).removeprefix("point ").replace(": ", " is out of reach: ", 1)
         raise UserError(told) from None
+
+
+def beyond_told(angle: Array, laser: TwoMirror) -> str:
+    """Say how far a place is beyond the mirrors' reach; empty if the beam can go there.
+
+    Parameters
+    ----------
+    angle : ndarray, shape (2,), rad
+        NaN of a place behind the instrument.
+
+    Examples
+    --------
+    >>> beyond_told(np.radians([26.0, -25.5]), TwoMirror())
+    "164 steps (1 deg) beyond the up-down mirror's reach and 82 steps (0.5 deg) beyond the \
+left-right mirror's reach"
+    >>> beyond_told(np.radians([25.0, 0.0]), TwoMirror())
+    ''
+    """
+    if np.isnan(angle).any():
+        return "behind the instrument"
+    if laser.reaches(angle):
+        return ""
+    steps = np.abs(laser.steps_beyond(angle))
+    degrees = np.rad2deg(steps * laser.step)
+    each = zip(MIRRORS, np.ceil(steps - STEP_ROUNDING), degrees, strict=True)
+    return " and ".join(
+        f"{step:.0f} steps ({degree:.2g} deg) beyond the {mirror.replace('_', '-')} mirror's reach"
+        for mirror, step, degree in each
+        if step
+    )
 
 
 def dac_jacobian(points: ArrayLike, rotation: Array, origin: Array, laser: TwoMirror) -> Array:

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 
 from sldvexp.config.registry import register
 from sldvexp.errors import Checks, UserError
-from sldvexp.typing import Array
+from sldvexp.typing import Array, BoolArray
 from sldvexp.units import AngleUnit
 
 MIRRORS = ("up_down", "left_right")
@@ -188,6 +188,47 @@ class TwoMirror:
         """Smallest and largest angle of each mirror, shape (mirror,), rad."""
         ends = self.angle_from_dac(np.array([[step, step] for step in self.board.value]))
         return ends.min(axis=0), ends.max(axis=0)
+
+    def reaches(self, angle: Array, share: float = 1.0) -> BoolArray:
+        """Tell which angles the mirrors can be sent to, shape (...).
+
+        The ends of the board belong to it, since a beam can be sent there, and so does what lies
+        beyond them by the rounding of a conversion: `dac_from_angle` has a step for all of these
+        and for no others.
+
+        Parameters
+        ----------
+        angle : ndarray, shape (..., 2), rad
+            NaN, as of a point behind the instrument, is not reached.
+        share : float
+            Part of the range around its middle that counts.
+
+        Examples
+        --------
+        >>> laser = TwoMirror()
+        >>> laser.reaches(laser.angle_from_dac([[4096, -4096], [0, 0]])).tolist()
+        [True, True]
+        >>> laser.reaches(np.radians([[25.1, 0], [20, 0], [np.nan, 0]]), share=0.9).tolist()
+        [False, True, False]
+        """
+        low, high = self.reach
+        slack = ROUNDING * (high - low) + (share - 1) * (high - low) / 2
+        within = (angle >= low - slack) & (angle <= high + slack)
+        return np.asarray(within[..., 0] & within[..., 1])
+
+    def steps_beyond(self, angle: Array) -> Array:
+        """Give how many steps angles are beyond the ends of the board, shape (..., 2); 0 within it.
+
+        Negative beyond the smallest angle of a mirror, positive beyond its largest; steps of the
+        size that they have at step 0.
+
+        Examples
+        --------
+        >>> TwoMirror().steps_beyond(np.radians([26.0, -1.0])).round().tolist()
+        [164.0, 0.0]
+        """
+        low, high = self.reach
+        return np.asarray((angle - np.clip(angle, low, high)) / self.step)
 
     def angle_from_dac(self, dac: ArrayLike, labels: ArrayLike | None = None) -> Array:
         """Give the mirror angles of DAC steps.

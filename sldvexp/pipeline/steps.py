@@ -26,7 +26,7 @@ from sldvexp.lazy import xarray as xr
 from sldvexp.pipeline.step import Run, Step, check_contracts
 from sldvexp.reconstruction import Reconstruction
 from sldvexp.reconstruction.system import Robust
-from sldvexp.session.interruption import has_lines, how_to_go_on
+from sldvexp.session.interruption import EndedScanError, UnfinishedError, has_lines
 from sldvexp.stopping import stopping_once
 
 #: Where the scans lie, in the dataset and in the journal, that pose methods are compared on.
@@ -73,8 +73,11 @@ def _scan(run: Run) -> None:
                 skipped += take_findings(found)
                 run.tree |= {f"{prefix}{name}": group for name, group in found.items()}
     except (instrument.InstrumentError, session.NobodyThereError) as error:
-        kept = f"; {how_to_go_on(run.folder)}" if has_lines(run.folder) else ""
-        raise UserError(f"{error}{kept}") from error
+        failed = isinstance(error, instrument.InstrumentError)
+        why, not_home = (error.why, error.not_home) if failed else (str(error), "")
+        if has_lines(run.folder):
+            raise UnfinishedError(why, run.folder, not_home=not_home) from error
+        raise EndedScanError(why, not_home) from error
     if skipped:
         run.tree[f"{VERDICT}/scan"] = findings_to_dataset(skipped)
 

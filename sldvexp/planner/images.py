@@ -110,8 +110,7 @@ def half_chords_of(stand: Stand, place: Place, lines: int) -> Array:
 def _reached(origin: Array, rotation: Array, points: Array, place: Place) -> bool:
     """Tell whether the mirrors send the beam to all of some points."""
     angles = angles_of(origin[None], rotation[None], points, place.laser)[0]
-    low, high = place.laser.reach
-    return bool(np.all((angles >= low) & (angles <= high)))
+    return bool(np.all(place.laser.reaches(angles)))
 
 
 def _dac(origin: Array, rotation: Array, points: Array, place: Place) -> Array:

@@ -21,7 +21,7 @@ from sldvexp.field.visibility.projection import Occlusion
 from sldvexp.field.visibility.view import View
 from sldvexp.laser import TwoMirror
 from sldvexp.lazy import scipy
-from sldvexp.planner.turning import angles_of, limits
+from sldvexp.planner.turning import angles_of
 from sldvexp.scan import Scan
 from sldvexp.scan.rectangle import Rectangle
 from sldvexp.scan.session import Session
@@ -330,9 +330,8 @@ class Place:
 
     def _beyond(self, origins: Array, rotations: Array, points: Array) -> BoolArray:
         """Tell which points the mirrors do not reach, (stand, point)."""
-        low, high = limits(self.laser, self.room.mirrors)
         angles = angles_of(origins, rotations, points, self.laser)
-        return np.asarray(((angles < low) | (angles > high)).any(axis=-1))
+        return ~self.laser.reaches(angles, self.room.mirrors)
 
     def _blocked(self, origins: Array, points: Array) -> BoolArray:
         """Tell which points are behind a box that stops beams, (stand, point)."""

@@ -50,10 +50,3 @@ def turned_towards(origins: Array, points: Array, laser: TwoMirror) -> tuple[Arr
         look_at = origins + far * np.einsum("sji,sj->si", rotations, beam)
         rotations = rotation_towards(origins, look_at)
     return look_at, rotations
-
-
-def limits(laser: TwoMirror, share: float) -> tuple[Array, Array]:
-    """Give the least and largest angle of each mirror, of a part of its range, rad."""
-    low, high = laser.reach
-    middle, half = (low + high) / 2, share * (high - low) / 2
-    return middle - half, middle + half

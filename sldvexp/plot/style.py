@@ -8,6 +8,7 @@ import io
 import itertools
 import math
 import re
+import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any
 
@@ -62,6 +63,10 @@ OPTIONS = """
 """
 
 
+#: Held by whoever draws.
+DRAWING = threading.RLock()
+
+
 def styled(draw: Callable[..., Figure]) -> Callable[..., Figure]:
     """Decorate a figure to be drawn in this style, whatever the user's own is.
 
@@ -70,7 +75,8 @@ def styled(draw: Callable[..., Figure]) -> Callable[..., Figure]:
 
     @functools.wraps(draw)
     def drawn(*args: Any, width: float | None = None, style: Style = None, **kwargs: Any) -> Figure:
-        with on_paper(width, style):
+        # Styles are the whole process's: threads that draw at once would have each other's.
+        with DRAWING, on_paper(width, style):
             return draw(*args, **kwargs)
 
     own = inspect.signature(draw)

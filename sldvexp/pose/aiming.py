@@ -19,13 +19,13 @@ import numpy as np
 
 from sldvexp.errors import UserError, nearest
 from sldvexp.instrument.person import Mark, Steps, mark_label
-from sldvexp.laser import TwoMirror
+from sldvexp.laser import TwoMirror, beyond_told
 from sldvexp.pose.base import PoseMethod
 from sldvexp.pose.bundle import Bundle
 from sldvexp.pose.few_points import AGREE, FLAT, contradiction_of, is_flat, joined
 from sldvexp.pose.manual import Manual
 from sldvexp.pose.outliers import MatchedPoints
-from sldvexp.pose.rough_pose import RoughPose, predicted_steps, rough_poses
+from sldvexp.pose.rough_pose import RoughPose, predicted_angles, predicted_steps, rough_poses
 from sldvexp.typing import Array
 
 #: Standard deviation of a person's pointing, as a part of the mirrors' range: one step of a board
@@ -249,11 +249,16 @@ class Aiming:
         point = place.position[None]
         dac, std = (a[0] for a in predicted_steps(poses, point, self.laser))
         if np.isnan(dac).any():
-            raise UserError(f"{name} lies where the mirrors do not reach, as far as is known yet")
+            beyond = self._beyond([place], poses)
+            raise UserError(f"{beyond[name]}, as far as is known yet")
         instead = [predicted_steps([pose], point, self.laser)[0][0] for pose in poses[1:]]
         reached = [other for other in instead if np.isfinite(other).all()]
         std = np.hypot(std, self._place_std(place, poses[0]))
         return PlacePrediction(dac, std, reached)
+
+    def out_of_reach(self) -> dict[str, str]:
+        """Say of open places that the mirrors do not reach by how much that is, by their names."""
+        return self._beyond([self.places[name] for name in self.open], self.poses)
 
     def residual(self, name: str) -> MarkResidual | None:
         """Compare a mark with where the others put it.
@@ -275,6 +280,15 @@ class Aiming:
         if self._told is None:
             self._told = next(self._same_place(), "") or self._disagreement()
         return self._told
+
+    def trouble(self) -> str:
+        """Say in one sentence why no pose of these marks can be believed; empty if one can."""
+        count = len(self.taken)
+        if count < 3:
+            given = f"{count or 'no'} mark{'' if count == 1 else 's'}"
+            told = f"{given} of this view {'is' if count == 1 else 'are'} taken, and a pose needs "
+            return self.contradiction() or f"{told}three that are not in a line"
+        return self.contradiction() or ("" if self.poses else self.weakness())
 
     def weakness(self) -> str:
         """Say in one sentence why the pose is weak; empty if it is not, or is not known yet."""
@@ -353,6 +367,20 @@ class Aiming:
         pose = rough_poses(matched)[0]
         place_std = np.array([self._place_std(self.places[name], pose) for name in names])
         return replace(matched, std=np.hypot(self.pointing, place_std))
+
+    def _beyond(self, places: Sequence[AimingPlace], poses: Sequence[RoughPose]) -> dict[str, str]:
+        """Say of places that the mirrors do not reach by how much that is, by their names."""
+        if not poses or not places:
+            return {}
+        points = np.array([place.position for place in places])
+        told = {}
+        for place, angle, std in zip(
+            places, *predicted_angles(poses, points, self.laser), strict=True
+        ):
+            if beyond := beyond_told(angle, self.laser):
+                sure = f" (+- {std.max():.0f} steps)" if np.isfinite(angle).all() else ""
+                told[place.name] = f"{place.name} is {beyond}{sure}"
+        return told
 
     def _place_std(self, place: AimingPlace, pose: RoughPose) -> float:
         """Give the standard deviation, DAC steps, of where a place is seen by its own."""

@@ -98,6 +98,7 @@ class Bitangent(FromScans):
             p_value=probability,
             size=rms,
             remedy="pose=edge" if self.pinhole else "pose.pinhole=true",
+            views=(view,),
         )
 
 

@@ -317,6 +317,10 @@ class Network:
         view, point = self.sightings.view[k], self.sightings.point[k]
         return f"point {self.number[point]} of view {self.views[view]}"
 
+    def view_of(self, k: int) -> str:
+        """Name the view of a sighting."""
+        return self.views[self.sightings.view[k]]
+
     def between(self, k: int) -> str:
         """Name the ends of a known distance."""
         one, other = self.sightings.pairs[k]
@@ -445,7 +449,7 @@ def _wrong(network: Network, judged: JudgedSightings, best: AdjustedPoints) -> I
         yield _exchanged(network, pairs[0], judged)
         return
     if not judged.agree:
-        yield unlikely_residuals(where, judged.p_value)
+        yield unlikely_residuals(network.views, judged.p_value)
         return
     names = [network.name(k) for k in judged.left_out]
     others = " or ".join(network.name(k) for k in judged.or_else)
@@ -461,6 +465,7 @@ def _wrong(network: Network, judged: JudgedSightings, best: AdjustedPoints) -> I
             p_value=judged.p_value,
             size=size,
             remedy=f"point at {name} again, or remove it",
+            views=(network.view_of(judged.left_out[k]),),
         )
     dof = freedom(judged.sightings, best.at)
     if dof <= 0:
@@ -469,7 +474,7 @@ def _wrong(network: Network, judged: JudgedSightings, best: AdjustedPoints) -> I
         return
     probability = float(chi_square_p_value(best.cost, dof))
     if not names and probability < 0.01:
-        yield unlikely_residuals(where, probability)
+        yield unlikely_residuals(network.views, probability)
 
 
 def _exchanged(network: Network, pair: tuple[int, int], judged: JudgedSightings) -> Finding:
@@ -485,6 +490,7 @@ def _exchanged(network: Network, pair: tuple[int, int], judged: JudgedSightings)
         Severity.doubtful if out else Severity.void,
         p_value=judged.p_value,
         remedy="exchange their numbers in the registration data",
+        views=tuple(dict.fromkeys(network.view_of(k) for k in pair)),
     )
 
 

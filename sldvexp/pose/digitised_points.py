@@ -93,7 +93,7 @@ def judge_readings(
     everything, where = np.ones(repeats, bool), f"view {view}"
     if repeats < 3:
         told = f"{where}: fewer than three readings of a point hide a wrong one"
-        return everything, [Finding("untested", where, told, Severity.note)]
+        return everything, [Finding("untested", where, told, Severity.note, views=(view,))]
     used, p_value = used_readings(digitised)
     wrong = np.argwhere(~used)
     if len(wrong) > MOVED * used.size:
@@ -101,7 +101,9 @@ def judge_readings(
             f"{where}: {len(wrong)} of {used.size} readings of {file} lie beside the others of "
             "their point: the digitizer moved, and no wrong reading can be told"
         )
-        return everything, [Finding("moved", where, told, Severity.note, size=float(len(wrong)))]
+        return everything, [
+            Finding("moved", where, told, Severity.note, size=float(len(wrong)), views=(view,))
+        ]
     right: BoolArray = np.all(used, axis=1)
     if right.sum() < 2:  # nearly every repeat has a reading that is wrong
         right = everything
@@ -112,7 +114,7 @@ def judge_readings(
     mean = np.array([digitised[used[:, p], p].mean(axis=0) for p in range(len(names))])
     return right, [
         _of_reading(
-            k, p, digitised, mean, names, (where, file, severity, then, float(p_value[k, p]))
+            k, p, digitised, mean, names, (view, file, severity, then, float(p_value[k, p]))
         )
         for k, p in wrong.tolist()
     ]
@@ -127,7 +129,7 @@ def _of_reading(
     said: tuple[str, str, Severity, str, float],
 ) -> Finding:
     """Say that a reading is wrong, or is one of another point."""
-    where, file, severity, then, p_value = said
+    view, file, severity, then, p_value = said
     beside = float(np.linalg.norm(digitised[k, p] - mean[p]))
     near = np.linalg.norm(digitised[k, p] - mean, axis=1)
     other = int(np.argmin(near))
@@ -137,12 +139,13 @@ def _of_reading(
     told += f", where {names[other]} is" if exchanged else ""
     return Finding(
         "exchanged_points" if exchanged else "wrong_point",
-        f"{where}, point {names[p]}",
-        f"{where}: reading {k + 1} of {names[p]} in {file} {told}, {then}",
+        f"view {view}, point {names[p]}",
+        f"view {view}: reading {k + 1} of {names[p]} in {file} {told}, {then}",
         severity,
         p_value=p_value,
         size=beside,
         remedy=f"correct reading {k + 1} of {names[p]} in {file}, or digitise it again",
+        views=(view,),
     )
 
 
@@ -171,6 +174,7 @@ def judge_shape(
             Severity.void,
             size=scale,
             remedy=f"state {setting} in pose.unit, and the unit of the digitised points",
+            views=(view,),
         )
         return
     given = _misfit(mean, known)
@@ -196,6 +200,7 @@ def judge_shape(
                 float(test.p_value),
                 math.sqrt(given / points),
                 f"exchange {names[a]} and {names[b]} in {setting}",
+                views=(view,),
             )
             return
     yield Finding(
@@ -208,6 +213,7 @@ def judge_shape(
         float(test.p_value),
         math.sqrt(given / points),
         f"measure the points of {setting} again",
+        views=(view,),
     )
 
 

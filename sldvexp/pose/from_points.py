@@ -239,7 +239,7 @@ class ViewSolution:
 def no_pose(view: str, reason: str) -> Finding:
     """Say that a view has no pose."""
     told = f"view {view} has no pose, and its images are left out: {reason}"
-    return Finding("no_pose", f"view {view}", told, Severity.void)
+    return Finding("no_pose", f"view {view}", told, Severity.void, views=(view,))
 
 
 def require_laser(laser: TwoMirror | None) -> TwoMirror:
@@ -427,14 +427,16 @@ def point_notes(
         yield from _target_notes(view, table, target)
 
 
-def unlikely_residuals(view: str, probability: float) -> Finding:
-    """Say that residuals are larger than stated errors explain."""
+def unlikely_residuals(views: Sequence[str], probability: float) -> Finding:
+    """Say that residuals of some views are larger than stated errors explain."""
+    which = f"view{'s' * (len(views) > 1)} {', '.join(views)}"
     return Finding(
         "residuals",
-        view,
-        f"{view}: residuals this large have a probability of {probability:.1g} if the stated "
+        which,
+        f"{which}: residuals this large have a probability of {probability:.1g} if the stated "
         "errors are right; the bounds, which rest on these, are too small",
         p_value=probability,
+        views=tuple(views),
     )
 
 
@@ -472,6 +474,7 @@ def _large_residuals(view: ViewSolution) -> Iterator[Finding]:
             "Table 4.3 leaves; are the points matched to their angles, units and mirrors right?",
             Severity.void,
             size=scale,
+            views=(view.table.name,),
         )
 
 
@@ -481,7 +484,7 @@ def _refuted_errors(view: ViewSolution, views: int) -> Iterator[Finding]:
     if solution.noise_known and solution.dof > 0:
         probability = float(scipy.special.chdtrc(solution.dof, solution.cost))
         if probability < UNLIKELY / views:
-            yield unlikely_residuals(f"view {view.table.name}", probability)
+            yield unlikely_residuals([view.table.name], probability)
 
 
 def _target_notes(view: str, table: RegistrationTable, target: Target) -> Iterator[str]:

@@ -135,6 +135,7 @@ def lost_edges(view: str, group: xr.Dataset) -> list[Finding]:
             Severity.note,
             size=share,
             remedy=LONGER,
+            views=(view,),
         )
     ]
 
@@ -164,7 +165,7 @@ def start_of(images: CircleImages, laser: TwoMirror, circles: Circles) -> tuple[
 
 def with_failed(pose: xr.Dataset, failed: Sequence[Finding]) -> xr.Dataset:
     """Name the views without a pose in the group ``pose``, so that their images are left out."""
-    views = [f.subject.removeprefix("view ") for f in failed]
+    views = [view for f in failed for view in f.views]
     return pose.assign_attrs({WITHOUT_POSE: json.dumps(views)}) if views else pose
 
 

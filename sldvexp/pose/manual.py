@@ -78,7 +78,7 @@ class Manual(Registration):
                 solutions, errors, laser, self.adjust, self.shared
             )
             findings = [
-                unlikely_residuals(f"view {e.view}", p)
+                unlikely_residuals([e.view], p)
                 for e, p in zip(errors, probability, strict=True)
                 if p < UNLIKELY / len(errors)
             ]

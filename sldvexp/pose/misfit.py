@@ -207,7 +207,9 @@ def judge_circles(
         else f"and the bounds are made up to {worst:.1f} times as wide for it"
     )
     told = _told(problem, found, explained)
-    views = _views(problem, found)
+    bad = _bad_views(problem, found)
+    *some, last = bad
+    views = f"views {', '.join(some)} and {last}" if some else f"view {last}"
     where = " or ".join(_name(e.cause) for e in explained) or views
     rms = max(p.residual_rms for p in found.poses)
     finding = Finding(
@@ -220,6 +222,7 @@ def judge_circles(
         probability,
         rms,
         " or ".join(filter(None, (_remedy(e.cause) for e in explained))),
+        views=tuple(bad),
     )
     return [finding], joint if severity is Severity.void else wider
 
@@ -320,12 +323,10 @@ def _size(problem: EdgeProblem, freed: Freed) -> str:
     return f"{cause}, {np.degrees(more):+.2g} deg,"
 
 
-def _views(problem: EdgeProblem, found: EdgePoses) -> str:
+def _bad_views(problem: EdgeProblem, found: EdgePoses) -> list[str]:
     """Name the views that fit badly, or all if none does so by itself."""
     tests = {
         i.view: lack_of_fit([i.pointing], float(p.residual @ p.residual), p.dof)[1]
         for i, p in zip(problem.images, found.poses, strict=True)
     }
-    bad = [v for v, p in tests.items() if p < FALSE_ALARM / len(tests)] or [*tests]
-    *some, last = bad
-    return f"views {', '.join(some)} and {last}" if some else f"view {last}"
+    return [v for v, p in tests.items() if p < FALSE_ALARM / len(tests)] or [*tests]

@@ -301,6 +301,7 @@ def _judged(one: ViewOutline, views: int) -> tuple[Array, list[Finding]]:
                 Severity.void if void else Severity.doubtful,
                 ratio,
                 p_value,
+                views=(one.view,),
             )
         )
         if not void:
@@ -315,6 +316,7 @@ def _judged(one: ViewOutline, views: int) -> tuple[Array, list[Finding]]:
                 f"{where}: a second pose at ({x:.3f}, {y:.3f}, {z:.3f}) m shows the outline nearly "
                 "as well; see the part more at a slant, or from nearer",
                 Severity.doubtful,
+                views=(one.view,),
             )
         )
     return covariance, findings
@@ -335,6 +337,7 @@ def _beside(one: ViewOutline, where: str) -> Iterator[Finding]:
         "out",
         Severity.doubtful if share > MANY else Severity.note,
         size=share,
+        views=(one.view,),
     )
 
 

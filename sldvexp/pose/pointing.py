@@ -390,6 +390,7 @@ def mirror_findings(found: Mapping[str, Pointing], laser: TwoMirror) -> Iterator
         Severity.note,
         p_value=min(p.stated for p in shaky.values()),
         size=sizes[-1],
+        views=tuple(shaky),
     )
 
 
@@ -414,6 +415,7 @@ def pointing_findings(view: str, found: Pointing, ellipse: Mapping[int, int]) ->
                 Severity.note,
                 p_value=found.differ,
                 size=float(found.noise[place]),
+                views=(view,),
             )
         if found.bent[place] < UNLIKELY / len(ellipse):
             yield Finding(
@@ -424,4 +426,5 @@ def pointing_findings(view: str, found: Pointing, ellipse: Mapping[int, int]) ->
                 "move unevenly, look like this",
                 Severity.doubtful,
                 p_value=float(found.bent[place]),
+                views=(view,),
             )

@@ -194,6 +194,27 @@ def _distinct(pose: Pose, cost: Array) -> IndexArray:
     return np.array(kept, np.intp)
 
 
+def predicted_angles(
+    poses: Sequence[RoughPose], points: Array, laser: TwoMirror
+) -> tuple[Array, Array]:
+    """Give the angles of places by the likeliest pose, and what all poses leave open of them.
+
+    Returns
+    -------
+    angle : ndarray, shape (N, 2), rad
+        NaN of places behind the instrument, else also beyond the mirrors' reach.
+    std : ndarray, shape (N, 2), steps
+    """
+    offset = laser.mirror_offset
+    angle, _ = poses[0].angles(points, offset)
+    variance = np.zeros(angle.shape)
+    for pose in poses:
+        own, covariance = pose.angles(points, offset)
+        square = np.einsum("nkk->nk", covariance) + (own - angle) ** 2
+        variance += pose.probability * np.where(np.isfinite(square), square, 0.0)
+    return angle, np.sqrt(variance) / laser.step
+
+
 def predicted_steps(
     poses: Sequence[RoughPose], points: Array, laser: TwoMirror
 ) -> tuple[Array, Array]:
@@ -210,16 +231,8 @@ def predicted_steps(
     dac, std : ndarray, shape (N, 2), steps
         NaN for places that the mirrors do not reach.
     """
-    offset = laser.mirror_offset
-    angle, _ = poses[0].angles(points, offset)
-    variance = np.zeros(angle.shape)
-    for pose in poses:
-        own, covariance = pose.angles(points, offset)
-        square = np.einsum("nkk->nk", covariance) + (own - angle) ** 2
-        variance += pose.probability * np.where(np.isfinite(square), square, 0.0)
-    low, high = laser.reach
-    reached = np.all((angle >= low) & (angle <= high), axis=-1)
+    angle, std = predicted_angles(poses, points, laser)
+    reached = laser.reaches(angle)
     dac = np.full(angle.shape, np.nan)
     dac[reached] = laser.dac_from_angle(angle[reached])
-    std = np.where(reached[:, None], np.sqrt(variance) / laser.step, np.nan)
-    return dac, std
+    return dac, np.where(reached[:, None], std, np.nan)

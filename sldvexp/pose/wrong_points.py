@@ -98,7 +98,7 @@ def judge_points(
 def _untested(table: RegistrationTable, why: str) -> Finding:
     """Say that wrong points could not be seen."""
     view = f"view {table.name}"
-    return Finding("untested", view, f"{view}: {why}", Severity.note)
+    return Finding("untested", view, f"{view}: {why}", Severity.note, views=(table.name,))
 
 
 def _few(table: RegistrationTable, matched: MatchedPoints) -> Iterator[Finding]:
@@ -117,7 +117,7 @@ def _few(table: RegistrationTable, matched: MatchedPoints) -> Iterator[Finding]:
         told = (
             f"{view}: its three points fit {len(poses)} poses, at {places} m; another point tells"
         )
-        yield Finding("untested", view, told, Severity.doubtful)
+        yield Finding("untested", view, told, Severity.doubtful, views=(table.name,))
     found = contradiction_of(known)
     if found is not None:
         names = [f"point {number}" for number in table.number]
@@ -133,6 +133,7 @@ def _few(table: RegistrationTable, matched: MatchedPoints) -> Iterator[Finding]:
             p_value=found.p_value,
             size=found.size,
             remedy=remedy,
+            views=(table.name,),
         )
 
 
@@ -234,6 +235,7 @@ def _of_alternative(
             Severity.void,
             size=other.scale,
             remedy=f"state {unit.name} as the unit of {file}",
+            views=(table.name,),
         )
     return Finding(
         "mirrored",
@@ -244,6 +246,7 @@ def _of_alternative(
         Severity.void,
         size=rms,
         remedy="pose.inverted=[up_down], pose.inverted=[left_right] or a right-handed object",
+        views=(table.name,),
     )
 
 
@@ -267,6 +270,7 @@ def _impossible(
             Severity.void,
             size=distance,
             remedy=f"state the right unit of {_file(table)}",
+            views=(table.name,),
         )
     height = table.object_point[found.used, 2]
     if np.ptp(height) == 0 and found.pose.origin[2] < height[0]:
@@ -278,6 +282,7 @@ def _impossible(
             "the other way round",
             Severity.doubtful,
             remedy="pose.inverted=[up_down]",
+            views=(table.name,),
         )
 
 
@@ -308,6 +313,7 @@ def _other_size(table: RegistrationTable, target: TargetPoints) -> Iterator[Find
         remedy=f"state {right[0].name} as the unit of {file}"
         if right
         else f"divide the object points of {file} by {scale:.4g}",
+        views=(table.name,),
     )
 
 
@@ -333,6 +339,7 @@ def _wrong(
             p_value=float(found.p_value[own].min()),
             size=float(beside[own].max()),
             remedy=f"exchange points {numbers} in {file}",
+            views=(table.name,),
         )
     for k in sorted(set(out.tolist()) - set(swapped)):
         number = table.number[k]
@@ -346,6 +353,7 @@ def _wrong(
             p_value=float(found.p_value[k]),
             size=float(beside[k]),
             remedy=f"correct or remove point {number} in {file}",
+            views=(table.name,),
         )
 
 

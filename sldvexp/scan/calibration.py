@@ -25,7 +25,7 @@ from sldvexp.scan.base import (
     check_view_names,
 )
 from sldvexp.targets import Circles, Target
-from sldvexp.targets.shadows import SPAN
+from sldvexp.targets.shadows import SPAN, turned_away
 from sldvexp.typing import Array, IntArray
 
 #: Steps of the smaller range of a mirror's board: no line has more pixels.
@@ -33,6 +33,8 @@ MOST_PIXELS = 8193
 #: Stride of coarse lines over that of fine ones, at most: an ellipse of coarse lines is placed to a
 #: few of their pixels, and the fine lines must still meet the edge.
 COARSER = 4
+#: Remedy where a circle is turned away: the pose of a view rests on all of them.
+STAND_BEFORE_ALL = "the scan needs all circles: stand where all are seen, or correct the rough pose"
 #: Steps of a board whose lines are contiguous; one of more steps takes so many times the stride.
 CONTIGUOUS = 8192
 
@@ -184,7 +186,7 @@ class CalibrationScan(ScanPart):
         Raises
         ------
         UserError
-            If there are no circles, or one of them cannot be reached.
+            If there are no circles, or one of them cannot be reached or is turned away.
         """
         pose = self.views[view].pose
         assert pose is not None
@@ -192,6 +194,11 @@ class CalibrationScan(ScanPart):
             raise UserError(
                 f"scan: the rough pose of the view {view} predicts circles, but target has none; "
                 "choose target=dissertation or another target of circles"
+            )
+        for number, plane in turned_away(pose.place, target).items():
+            raise UserError(
+                f"scan: in the view {view}, circle {number} is not seen, since its plane {plane} "
+                f"is turned away; {STAND_BEFORE_ALL}"
             )
         names = [f"circle {number}" for number in target.circles]
         steps = aim_points(view, target.outlines().mean(axis=1), names, pose, laser)

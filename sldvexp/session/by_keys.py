@@ -8,7 +8,7 @@ compares, so that a wrong mark is seen when it is taken and not when the report 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from functools import cached_property
 
 import numpy as np
@@ -45,6 +45,11 @@ HELP = (
     "earlier one; ? shows this."
 )
 REVIEW = "Enter goes on, u takes the last one back, r an earlier one"
+#: The same of marks of which no pose can be believed.
+REFUTED = "r takes a mark again by its number, u the last one; Enter twice goes on all the same"
+
+#: What is to be done about a mark beyond the mirrors' reach.
+LEAVE_OUT = "h leaves it out when it is asked for, or turn the instrument and begin this view anew"
 
 _STEPS = re.compile(r"(=?)\s*([+-]?\d+)[\s,;]+([+-]?\d+)")
 
@@ -65,6 +70,7 @@ class AtKeyboard:
         self.at, self.guide, self.keyboard = at, guide, keyboard
         self.step, self.level = 10, LightLevel()
         self._reported: dict[str, Steps] = {}
+        self._beyond: set[str] = set()  # marks that were told to be out of the mirrors' reach
         keyboard.say(HELP)
 
     @cached_property
@@ -85,18 +91,23 @@ class AtKeyboard:
         """See `Person`; nobody who points at marks is asked for it."""
         raise NotImplementedError
 
-    def review(self) -> None:
-        """See `Reviewer`."""
+    def review(self, found: Mapping[int, Steps | None]) -> None:
+        """See `Reviewer`; marks that cannot be right are not let pass by one key."""
         for name in self.guide.taken:
             self.keyboard.say(f"{name}: {self.in_words(name)}")
-        if told := self._doubts():
+        trouble = self.guide.trouble()
+        if told := trouble or self._doubts():
             self.keyboard.say(told)
+        warned = not trouble
         while True:
-            self.keyboard.status(REVIEW)
+            self.keyboard.status(REFUTED if trouble else REVIEW)
             key = self.keyboard.key()
             if key is not None and key.name == "enter":
-                return
-            if key is not None:
+                if warned:
+                    return
+                warned = True
+                self.keyboard.say(f"The pose of this view would rest on these: {trouble}")
+            elif key is not None:
                 self.take_back(key)
 
     def in_words(self, name: str) -> str:
@@ -141,6 +152,10 @@ class AtKeyboard:
                 self.keyboard.say(f"{name}: {self.in_words(name)}")
             if told := self._doubts():
                 self.keyboard.say(told)
+            for name, told in self.guide.out_of_reach().items():
+                if name not in self._beyond:
+                    self._beyond.add(name)
+                    self.keyboard.say(f"{told}: {LEAVE_OUT}")
 
     def _doubts(self) -> str:
         """Say which marks contradict one another, else why their pose is weak."""
@@ -227,7 +242,8 @@ class _Aim:
     def _where(self) -> str:
         """Say where the mark is expected."""
         if self.expected is None:
-            return ""
+            told = self.person.guide.out_of_reach().get(self.name, "")
+            return f"; {told}: h leaves it out" if told else ""
         (up_down, left_right), std = np.rint(self.expected.dac), self.expected.std
         more = len(self.goals) - 1
         instead = f", or at {more} other place{'s' * (more > 1)}" if more > 0 else ""

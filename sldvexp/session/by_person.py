@@ -16,6 +16,7 @@ from sldvexp.errors import UserError
 from sldvexp.geometry import KnownPose
 from sldvexp.instrument import Instrument
 from sldvexp.instrument.person import (
+    AimingGuide,
     Attended,
     Mark,
     Person,
@@ -34,7 +35,7 @@ from sldvexp.scan.by_digitizer import ByDigitizer
 from sldvexp.scan.by_hand import ByHand
 from sldvexp.session.by_keys import AtKeyboard, beyond_board, in_mm, moved
 from sldvexp.session.camera import ViewContext
-from sldvexp.session.operator import Operator
+from sldvexp.session.operator import NobodyThereError, Operator
 from sldvexp.targets import Circles, Target
 from sldvexp.typing import Array, IntArray
 from sldvexp.units import LengthUnit
@@ -87,17 +88,22 @@ class _Answers:
                     for number in self._marks:
                         if number not in self._steps:
                             self._note(number, self._answer(self._marks[number]))
-                    # Who has just pointed may want to look at all; who only goes on does not.
-                    if isinstance(self._person, Reviewer):
-                        self._person.review()
+                    self._review()
                     return self._steps
                 except TakenBackError as back:
                     self._take_back(back.number)
 
+    def _review(self) -> None:
+        """Let somebody look at all marks: who has just pointed, or who goes on with wrong ones."""
+        if self._guide is not None and self._guide.trouble():
+            self._person = self._person or self._who_aims()
+        if isinstance(self._person, Reviewer):
+            self._person.review(self._steps)
+
     def _who_aims(self) -> Person:
         """Find who aims; the keys of a terminal are theirs until all marks are answered."""
         at, guide = self._at, self._guide
-        somebody = person_at(at, taken=self._taken)
+        somebody = person_at(at, taken=self._taken, guide=guide)
         if guide is None or not isinstance(somebody, AtTerminal):
             return somebody
         keyboard = self._opened.enter_context(at.operator.keyboard())
@@ -211,6 +217,7 @@ def person_at(
     at: ViewContext,
     unit: LengthUnit = LengthUnit.m,
     taken: Callable[[], Mapping[Steps, int]] = dict,
+    guide: AimingGuide | None = None,
 ) -> Person:
     """Find who does what the instrument cannot: a simulated one's own person, or the one we ask.
 
@@ -220,13 +227,15 @@ def person_at(
         In which the digitizer shows coordinates.
     taken : callable
         Gives the steps at which other marks, by their numbers, were found in this view.
+    guide : AimingGuide, optional
+        Of the view's marks.
     """
     if (aimed := at.operator.person(at.view)) is not None:
         return aimed
     instrument = at.camera.instrument
     if isinstance(instrument, Attended):
         return instrument.person
-    return AtTerminal(at.operator, instrument, at.laser, at.view, unit, taken)
+    return AtTerminal(at.operator, instrument, at.laser, at.view, unit, taken, guide)
 
 
 def _digitise(
@@ -269,6 +278,8 @@ class AtTerminal:
         In which the digitizer shows coordinates.
     taken : callable
         Gives the steps at which other marks, by their numbers, were found in this view.
+    guide : AimingGuide, optional
+        Of the view's marks.
     """
 
     def __init__(
@@ -279,22 +290,23 @@ class AtTerminal:
         view: str,
         unit: LengthUnit = LengthUnit.m,
         taken: Callable[[], Mapping[Steps, int]] = dict,
+        guide: AimingGuide | None = None,
     ) -> None:
         self.operator = operator
         self.instrument = instrument
         self.laser = laser
         self.view = view
         self.unit = unit
-        self.taken = taken
+        self.taken, self.guide = taken, guide
 
     def aim(self, mark: Mark, start: Steps) -> Steps | None:
         """See `Person`; every line that is typed moves the beam, an empty one accepts."""
         beam = start
         self.instrument.move(beam)
         request = (
-            f"View {self.view}, mark {mark.number} at {in_mm(mark)}. Type DAC steps "
-            "up-down and left-right to move by (+5 -3) or a place to go to (=120 -40), Enter when "
-            f"the spot is on the mark, {HIDDEN} if it cannot be seen.\n"
+            f"View {self.view}, mark {mark.number} at {in_mm(mark)}{self._where(mark)}. Type DAC "
+            "steps up-down and left-right to move by (+5 -3) or a place to go to (=120 -40), Enter "
+            f"when the spot is on the mark, {HIDDEN} if it cannot be seen.\n"
         )
         while True:
             where = f"mark {mark.number}, beam at {beam[0]} {beam[1]}: "
@@ -317,6 +329,29 @@ class AtTerminal:
             else:
                 beam = wanted
                 self.instrument.move(beam)
+
+    def _where(self, mark: Mark) -> str:
+        """Say that a mark is out of the mirrors' reach."""
+        beyond = self.guide.out_of_reach() if self.guide is not None else {}
+        told = beyond.get(mark_label(mark.number), "")
+        return f"; {told}" if told else ""
+
+    def review(self, found: Mapping[int, Steps | None]) -> None:
+        """See `Reviewer`; asked only where the marks cannot be right, and somebody is there."""
+        problem = self.guide.trouble() if self.guide is not None else ""
+        while problem:
+            request = (
+                f"View {self.view}: {problem}.\nType the number of a mark to take it again, or "
+                "Enter to go on all the same: "
+            )
+            try:
+                answer = self.operator.ask(request)
+            except NobodyThereError:
+                return
+            if answer.isdecimal() and int(answer) in found:
+                raise TakenBackError(int(answer))
+            numbers = ", ".join(str(number) for number in found)
+            problem = f"{answer!r} is not a mark of this view; there are {numbers}" * bool(answer)
 
     def digitise(self, spot: int, samples: int) -> list[Place]:
         """See `Person`."""

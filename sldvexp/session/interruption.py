@@ -5,10 +5,12 @@ from __future__ import annotations
 import shlex
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 
 from sldvexp.config.paths import CONFIGURATION, JOURNAL
 from sldvexp.errors import ConfigError, UserError
+from sldvexp.instrument.person import mark_name
 
 #: What says before a command that it goes on.
 GO_ON = "go on with: "
@@ -16,26 +18,58 @@ GO_ON = "go on with: "
 LINES_KEPT, SCAN_KEPT = "what was scanned is kept", "the scan is kept"
 
 
-class UnfinishedError(UserError):
+@dataclass(frozen=True)
+class KeptScan:
+    """What is kept of a run that ended before it was done, and the command that goes on with it."""
+
+    told: str
+    command: str
+
+    def __str__(self) -> str:
+        return f"{self.told} {GO_ON}{self.command}"
+
+
+class EndedScanError(UserError):
+    """Scan that has failed.
+
+    Parameters
+    ----------
+    why : str
+    not_home : str
+        How the instrument may have been left, see `sldvexp.instrument.InstrumentError`.
+    """
+
+    def __init__(self, why: str, not_home: str = "", *further: str) -> None:
+        super().__init__("; ".join(part for part in (why, not_home, *further) if part))
+        self.why, self.not_home = why, not_home
+
+
+class UnfinishedError(EndedScanError):
     """Run that has failed and whose scan is kept in a folder, so that it can go on."""
 
-    def __init__(self, told: str, folder: Path):
-        super().__init__(told)
-        self.folder = folder
+    def __init__(
+        self, why: str, folder: Path, kept: KeptScan | None = None, not_home: str = ""
+    ) -> None:
+        self.folder, self.kept = folder, kept or kept_lines(folder)
+        super().__init__(why, not_home, str(self.kept))
 
 
 class InterruptedRun(KeyboardInterrupt):
     """Run that somebody has stopped, with what it has scanned in a folder."""
 
-    def __init__(self, told: str, folder: Path):
-        super().__init__(told)
-        self.folder = folder
+    def __init__(self, why: str, folder: Path) -> None:
+        self.why, self.folder, self.kept = why, folder, kept_lines(folder)
+        super().__init__(f"{why}; {self.kept}")
+
+
+def kept_lines(folder: Path) -> KeptScan:
+    """Tell that the lines of a run are kept that stops before its end, and how it goes on."""
+    return KeptScan(f"{LINES_KEPT},", f"sldvexp {shlex.quote(f'resume={folder}')}")
 
 
 def how_to_go_on(folder: Path) -> str:
     """Tell how to go on with a run that stops before its end and has scan lines."""
-    resume = shlex.quote(f"resume={folder}")
-    return f"{LINES_KEPT}, {GO_ON}sldvexp {resume}"
+    return str(kept_lines(folder))
 
 
 def has_lines(folder: Path) -> bool:
@@ -46,11 +80,21 @@ def has_lines(folder: Path) -> bool:
 
 def how_to_use_the_scan(folder: Path) -> str:
     """Tell how to use the scan that is kept where a run fails behind it."""
-    resume = shlex.quote(f"resume={folder}")
-    return (
-        f"{SCAN_KEPT}: mend the configuration's file, or add settings that differ at the end, "
-        f"and {GO_ON}sldvexp {resume}"
+    return str(kept_scan(folder))
+
+
+def kept_scan(folder: Path) -> KeptScan:
+    """Tell that the scan is kept of a run that fails behind it, and how it goes on."""
+    marks = (
+        ", or take marks again (it asks for those that contradict one another, and for each whose "
+        f"file {JOURNAL}/<view>/{mark_name('<number>')}.json you delete)"
     )
+    by_hand = any((folder / JOURNAL).rglob(f"{mark_name('*')}.json"))
+    told = (
+        f"{SCAN_KEPT}: mend the configuration's file, or add settings that differ at the end"
+        f"{marks * by_hand}, and"
+    )
+    return KeptScan(told, kept_lines(folder).command)
 
 
 @contextmanager
@@ -71,4 +115,4 @@ def telling_of_the_scan(folder: Path, scanned: bool) -> Iterator[None]:
     except UserError as error:
         if not scanned or not has_lines(folder):
             raise
-        raise UserError(f"{error}; {how_to_use_the_scan(folder)}") from error
+        raise UnfinishedError(str(error), folder, kept_scan(folder)) from error

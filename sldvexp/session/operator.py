@@ -42,6 +42,16 @@ class Operator:
                 what = request.strip().splitlines()[-1].rstrip(":")
                 raise NobodyThereError(f"nobody is at the terminal to answer {what!r}") from None
 
+    def wait_for(self, request: str) -> None:
+        """Show a request, and wait until it is done, which Enter says.
+
+        Raises
+        ------
+        NobodyThereError
+            If the input has ended.
+        """
+        self.ask(request)
+
     def person(self, view: str) -> instrument.person.Person | None:
         """Give who has aimed in a view already, in the place of all others; None if nobody has."""
         return None

@@ -87,9 +87,8 @@ def outline_lines(scan: OutlineScan, view: str) -> dict[str, int]:
 
 def _dac(point: Array, outward: Array, laser: TwoMirror) -> tuple[Array, Array]:
     """Give places and unit vectors of angles over steps as DAC steps, where mirrors reach them."""
-    low, high = laser.reach
     angle = point * laser.step
-    reached = np.all((angle > low) & (angle < high), axis=1)
+    reached = laser.reaches(angle)
     if not reached.any():
         raise UserError("scan: the mirrors do not reach the part's outline at the rough pose")
     dac = laser.dac_from_angle(angle[reached])

@@ -116,7 +116,7 @@ def scan_views(
 def _skipped(view: ViewAhead, done: int) -> Finding:
     """Say that the rest of a view was skipped."""
     told = f"the rest of view {view.name} was skipped: {done} of {view.lines} lines were scanned"
-    return Finding("skipped", f"view {view.name}", told, Severity.note)
+    return Finding("skipped", f"view {view.name}", told, Severity.note, views=(view.name,))
 
 
 def _scan_parts(parts: list[ScanPart], at: ViewContext) -> dict[str, xr.Dataset]:
@@ -195,7 +195,7 @@ def _arrive(
     """Open the instrument in a view, where the operator must take it if it cannot go by itself."""
     if len(e.scan.view_names()) > 1 and not e.instrument.takes_views_itself:
         rough = e.scan.rough_poses().get(view)
-        operator.ask(_request(view, any(kept.glob("[!.]*")), rough))
+        operator.wait_for(_request(view, any(kept.glob("[!.]*")), rough))
     return e.instrument.open(e.scene, e.laser, e.target, seed=e.seed, view=view)
 
 

@@ -154,7 +154,7 @@ def _left_out(sums: ResponseSums, view: str) -> list[Finding]:
     kinds = ", ".join(f"{name} {n}" for name, n in counts.items() if n)
     text = f"in view {view} {lost} of {total} records are left out ({kinds})"
     severity = Severity.doubtful if lost > MANY * total else Severity.note
-    return [Finding("records", f"view {view}", text, severity, size=lost / total)]
+    return [Finding("records", f"view {view}", text, severity, size=lost / total, views=(view,))]
 
 
 def _no_energy(sums: ResponseSums, view: str) -> list[Finding]:
@@ -167,7 +167,7 @@ def _no_energy(sums: ResponseSums, view: str) -> list[Finding]:
         f"in view {view} the reference has no energy at {_named(sums.frequency[silent])}, where "
         "response functions are noise; leave these lines out of the band"
     )
-    return [Finding("no_energy", f"view {view}", text, size=float(silent.mean()))]
+    return [Finding("no_energy", f"view {view}", text, size=float(silent.mean()), views=(view,))]
 
 
 def _leakage(sums: ResponseSums, design: RecordDesign, view: str) -> list[Finding]:
@@ -194,7 +194,7 @@ def _leakage(sums: ResponseSums, design: RecordDesign, view: str) -> list[Findin
         f"{1 - worst:.2f}, so that response functions are up to {100 * worst:.0f} % too small and "
         f"standard errors do not say so; take records of {seconds:.2g} s or a periodic excitation"
     )
-    return [Finding("leakage", f"view {view}", text, severity, size=worst)]
+    return [Finding("leakage", f"view {view}", text, severity, size=worst, views=(view,))]
 
 
 def _tail(sums: ResponseSums, design: RecordDesign, view: str) -> list[Finding]:
@@ -221,7 +221,7 @@ def _tail(sums: ResponseSums, design: RecordDesign, view: str) -> list[Finding]:
         "shorter burst"
     )
     severity = _weight(float(left) / scatter)
-    return [Finding("tail", f"view {view}", text, severity, size=float(left))]
+    return [Finding("tail", f"view {view}", text, severity, size=float(left), views=(view,))]
 
 
 def _late_decay(
@@ -302,7 +302,11 @@ def _hum(
     )
     leave = ",".join(f"{f:g}" for f in frequency[hums & excited])
     remedy = f"modal.leave_out=[{leave}]" if leave else ""
-    return [Finding("hum", f"view {view}", text, Severity.note, remedy=remedy, size=worst)]
+    return [
+        Finding(
+            "hum", f"view {view}", text, Severity.note, remedy=remedy, size=worst, views=(view,)
+        )
+    ]
 
 
 def _distortion(
@@ -337,7 +341,7 @@ def _distortion(
         "have as much of it; excite less"
     )
     severity = _weight(worst / bound)
-    return [Finding("distortion", f"view {view}", text, severity, size=worst)]
+    return [Finding("distortion", f"view {view}", text, severity, size=worst, views=(view,))]
 
 
 def _weight(error: float) -> Severity:

@@ -7,3 +7,4 @@ from .circles import Plane as Plane
 from .points import FiducialPoint as FiducialPoint
 from .points import FiducialPoints as FiducialPoints
 from .shadows import shaded_circles as shaded_circles
+from .shadows import unseen_circles as unseen_circles

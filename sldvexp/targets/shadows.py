@@ -88,11 +88,50 @@ def shaded_circles(origin: Array, target: Circles) -> dict[int, list[int]]:
 
 def shade_told(number: int, others: list[int]) -> str:
     """Say that others are in the way of a circle."""
+    return f"circle {number} is {_shade(others)}"
+
+
+def _shade(others: list[int]) -> str:
     names = [f"circle {other}" for other in others]
-    return (
-        f"circle {number} is hidden in part by {' and '.join(names)}, or looks too near to it, at "
-        "another depth"
-    )
+    return f"hidden in part by {' and '.join(names)}, or looks too near to it, at another depth"
+
+
+def turned_away(origin: Array, target: Circles) -> dict[int, str]:
+    """Find the circles whose plane shows its back to a place: the planes by the circles' numbers.
+
+    A circle is seen from the side that the normal of its plane points to.
+    """
+    found = {}
+    for number, circle in target.circles.items():
+        plane = target.planes[circle.plane]
+        height = (origin - target.unit.value * np.array(plane.origin)) @ plane.axes()[2]
+        if height <= 0:
+            found[number] = circle.plane
+    return found
+
+
+def unseen_circles(origin: Array, target: Circles) -> dict[int, str]:
+    """Say of the circles that are not seen from a place that, and why, by their numbers.
+
+    Examples
+    --------
+    >>> from sldvexp.targets import Circle, Plane
+    >>> planes = {"front": Plane(), "top": Plane(normal=[0, 1, 0])}
+    >>> circles = {1: Circle(0, 0, 0.04), 2: Circle(0.1, 0, 0.04)}
+    >>> box = Circles(circles=circles | {3: Circle(0.3, 0, 0.04, "top")}, planes=planes)
+    >>> unseen_circles(np.array([0.0, 1.0, 1.0]), box)
+    {}
+    >>> unseen_circles(np.array([0.0, -1.0, 1.0]), box)
+    {3: 'not seen from here: its plane top is turned away'}
+    """
+    shades = {
+        number: f"not seen from here: {_shade(others)}"
+        for number, others in shaded_circles(origin, target).items()
+    }
+    return shades | {
+        number: f"not seen from here: its plane {plane} is turned away"
+        for number, plane in turned_away(origin, target).items()
+    }
 
 
 def _met(origins: Array, points: Array, target: Circles) -> tuple[Array, Array, Array]:

@@ -157,7 +157,13 @@ def examined_repairs(
             "read the verdict"
         )
     told = [
-        Finding("repaired", f"view {r.view}", f"repaired as asked: {r.name}", Severity.note)
+        Finding(
+            "repaired",
+            f"view {r.view}",
+            f"repaired as asked: {r.name}",
+            Severity.note,
+            views=(r.view,),
+        )
         for r in taken
     ]
     return groups, [*told, *findings], taken

@@ -301,6 +301,7 @@ class _Examination:
                     "them or with the other views: too many to be drop-outs; they are kept, look "
                     "at the image",
                     size=share,
+                    views=(view.name,),
                 )
             )
             return view
@@ -332,7 +333,9 @@ def _left_out(before: Groups, after: Groups) -> list[Finding]:
                 many = f"{count} pixels" if count > 1 else "one pixel"
                 text = f"{many} of view {view} ({count / usable:.2%}) left out, {why}"
                 subject = f"pixels of view {view}"
-                found.append(Finding(kind, subject, text, Severity.note, size=count / usable))
+                found.append(
+                    Finding(kind, subject, text, Severity.note, size=count / usable, views=(view,))
+                )
     return found
 
 

@@ -63,6 +63,7 @@ def not_compared(pixels: Mapping[str, int]) -> Finding:
         f"{which} cannot be compared with others: only {', '.join(map(str, pixels.values()))} "
         f"usable pixels see the surface, and it takes {LEAST_PIXELS}",
         Severity.note,
+        views=tuple(pixels),
     )
 
 
@@ -150,6 +151,7 @@ def disagreement(
         return unexplained(names, tests), []
     repairs = [r for h in (best, other) if h for r in [repair_of(names, h)] if r]
     which = " or ".join(_views(names, h.view) for h in (best, other) if h)
+    accused = tuple(dict.fromkeys(names[k] for h in (best, other) if h for k in h.view))
     told = sentence(names, best)
     if other is not None:
         told = (
@@ -157,7 +159,7 @@ def disagreement(
             f"{sentence(names, other)}"
         )
     if len(names) <= LEAST_VIEWS and best.kind in ("other_field", "pose"):
-        which = "a view"
+        which, accused = "a view", ()
         told = "a view disagrees with the others; four views cannot tell which"
         repairs = []
     if not best.explains:
@@ -176,6 +178,7 @@ def disagreement(
         tests.least,
         _size(best),
         " or ".join(r.setting for r in repairs),
+        views=accused,
     )
     return finding, repairs
 

@@ -8,14 +8,17 @@ import types
 
 import numpy as np
 import pytest
+import yaml
 
 from sldvexp import planner
 from sldvexp.cli import console
 from sldvexp.config.experiment import Experiment
 from sldvexp.config.planning import PlanCriterion
+from sldvexp.console import Console
 from sldvexp.errors import UserError
 from sldvexp.laser import TwoMirror
 from sldvexp.volume import Grid
+from tests.console.conftest import BENCH
 from tests.console.served import Served
 
 
@@ -60,6 +63,66 @@ def test_console_ends_in_order(tmp_path, number):
 
 
 @pytest.fixture
+def cut_off(tmp_path, monkeypatch):
+    """The folder of a run of the user's own experiment, as Hydra leaves it, from where it began."""
+    own, run = tmp_path / "my", tmp_path / "outputs" / "cut"
+    (own / "experiment").mkdir(parents=True)
+    (own / "experiment" / "bench.yaml").write_text(BENCH)
+    (run / ".hydra").mkdir(parents=True)
+    (run / ".hydra" / "overrides.yaml").write_text("- experiment=bench\n- seed=3\n")
+    sources = [{"path": str(own), "provider": "command-line"}]
+    told = {"runtime": {"cwd": str(tmp_path), "config_sources": sources}}
+    told["job"] = {"config_name": "config"}
+    (run / ".hydra" / "hydra.yaml").write_text(yaml.safe_dump({"hydra": told}))
+    monkeypatch.chdir(tmp_path)
+    return run
+
+
+@pytest.fixture
+def served(monkeypatch):
+    """Consoles that end at once, to be looked at."""
+    made = []
+    monkeypatch.setattr(Console, "serve", lambda self: made.append(self))
+    return made
+
+
+def test_settings_beside_a_run_that_goes_on_hold_for_aiming_and_for_going_on(cut_off, served):
+    assert console.run([f"resume={cut_off}", "seed=7", "scan.structure.pixels=[4,5]"], None) == 0
+    (one,) = served
+    assert one.experiment.seed == 7
+    assert one.experiment.scan.structure.pixels == [4, 5]
+    gone_on = []
+
+    def refused(settings, *_):
+        gone_on.append(settings)
+        raise UserError("another program has the folder")
+
+    one._run = refused
+    for _ in range(2):  # a run that could not go on still can
+        one.bench.further["go_on"]({"do": "go_on"})
+    assert gone_on == 2 * [[f"resume={cut_off}", "seed=7", "scan.structure.pixels=[4,5]"]]
+
+
+def test_what_is_aimed_beside_a_run_that_goes_on_is_an_experiment_made_of_its_own(cut_off, served):
+    assert console.run([f"resume={cut_off}"], None) == 0
+    (one,) = served
+    for number, steps in enumerate([(-371, 1322), (-517, 601), (588, 318), (551, 1430)], 1):
+        one.bench.marks.put("1", ("circle", number), steps)
+    one.bench.further["write"]({"do": "write", "name": "aimed"})
+    file = cut_off.parents[1] / "my" / "experiment" / "aimed.yaml"
+    assert "/experiment/bench" in file.read_text()
+    assert "experiment=aimed seed=3" in file.read_text()
+    made = console.composed(["experiment=aimed"], str(file.parents[1]))
+    assert made.scan.calibration.views["1"].dac[0] == [-371, 1322]
+
+
+def test_another_folder_than_that_of_the_run_that_goes_on_is_refused(cut_off, served, tmp_path):
+    (tmp_path / "other").mkdir()
+    with pytest.raises(UserError, match=r"was begun with that of .*leave the option out"):
+        console.run([f"resume={cut_off}"], str(tmp_path / "other"))
+
+
+@pytest.fixture
 def planned(monkeypatch):
     """Plans that cost nothing: bounds of three views and of a fourth."""
 
@@ -74,7 +137,7 @@ def planned(monkeypatch):
     now, after = plan(2e-3, undetermined=4), plan(1e-3, added=(stand,))
     monkeypatch.setattr(planner, "check_stands", lambda *_: now)
     monkeypatch.setattr(planner, "next_stand", lambda *_: after)
-    monkeypatch.setattr(console, "_drawn", lambda plan, width=None: b"drawn")
+    return now, after
 
 
 VOLUME = Grid(size=[0.3, 0.2], shape=[5, 4], layers=2)
@@ -82,7 +145,7 @@ VOLUME = Grid(size=[0.3, 0.2], shape=[5, 4], layers=2)
 
 def test_advice_tells_what_is_reached_and_where_to_stand_next(planned):
     found = console.advice(Experiment(volume=VOLUME), {"pose": None, "image/1": None})
-    assert found.figure == b"drawn"
+    assert found.figure._plan is planned[1]
     assert found.told == [
         "If you stopped here: 4 of 9 nodes are seen by too few views to determine all components.",
         "Stand next at (1.00, 2.00, 3.46) m and look at (0.00, 0.00, 0.00) m. Then: the r.m.s. "
@@ -110,7 +173,8 @@ def test_advice_before_a_scan_is_what_the_given_stands_reach(planned, monkeypatc
     found = console.advice(experiment, {})
     assert asked == [(experiment,)]
     assert found.told[0].startswith("The stands that are given: the r.m.s. bound is 2 mm/s")
-    assert (found.told[1], found.figure) == (console.BETTER, b"drawn")
+    assert found.told[1] == console.BETTER
+    assert found.figure._plan is NOW
 
 
 NOW = types.SimpleNamespace(
@@ -118,7 +182,21 @@ NOW = types.SimpleNamespace(
 )
 
 
-def test_figure_of_a_plan_is_a_picture():
+def test_figure_of_a_plan_is_drawn_as_it_is_asked_for_and_once(monkeypatch):
     experiment = Experiment(volume=VOLUME, laser=TwoMirror())
     experiment.plan.candidates = 50
-    assert console._drawn(planner.plan(experiment)).startswith(b"\x89PNG")
+    widths, draw = [], planner.figure.draw
+
+    def drawn(plan, width=None):
+        widths.append(width)
+        return draw(plan, width=width)
+
+    monkeypatch.setattr(planner.figure, "draw", drawn)
+    figure = console.PlanFigure(planner.plan(experiment))
+    assert widths == []
+    narrow, again = figure(True), figure(True)
+    assert narrow.startswith(b"\x89PNG")
+    assert again is narrow
+    assert widths == [console.NARROW]
+    assert figure(False) != narrow
+    assert widths == [console.NARROW, None]

@@ -8,8 +8,15 @@ import numpy as np
 import pytest
 
 from sldvexp.console.afterwards import Advice, Afterwards, of_view, sentences
-from sldvexp.dataset import Finding, Severity
+from sldvexp.dataset import Finding
+from sldvexp.dataset.findings import (
+    findings_of,
+    findings_to_dataset,
+    take_findings,
+    with_findings,
+)
 from sldvexp.errors import UserError
+from sldvexp.lazy import xarray as xr
 from sldvexp.session.session import scan_views
 
 
@@ -82,27 +89,36 @@ def test_fault_of_what_advises_ends_nothing(scanned):
 def test_doubt_is_told_of_its_view_alone(scanned):
     made, groups = scanned
     result = made.pose.estimate(made.laser, made.target, groups)
-    doubt = Finding("odd", "view 2", "its circles lie elsewhere", Severity.doubtful)
+    doubt = Finding("odd", "view 2", "its circles lie elsewhere", views=("2",))
     found = replace(result, findings=[doubt])
     assert "trusted" in sentences(found, "1")[0]
     first, second = sentences(found, "2")
     assert "doubtful" in first
     assert second == "Pose doubtful: its circles lie elsewhere"
-    assert of_view(replace(doubt, subject="run"), "1")
+    assert of_view(replace(doubt, views=()), "1")
     assert np.isfinite(result.origin).all()
 
 
 @pytest.mark.parametrize(
-    ("subject", "views"),
+    ("subject", "views", "told"),
     [
-        ("views 1 and 2", "12"),
-        ("views 1, 3, 4", "134"),
-        ("views", "1234"),
-        ("circle 3", "1234"),
-        ("view 1, points 3, 4", "1"),
-        ("pixels of view 2", "2"),
+        ("views 1 and 2", ("1", "2"), ["1", "2"]),
+        ("distance of view 1 and point 4", (), ["1", "2", "and point 4"]),
+        ("pixels of view left, and point 4", ("left, and point 4",), []),
+        ("point 3 of view and point 4", ("and point 4",), ["and point 4"]),
     ],
 )
-def test_a_finding_is_told_of_every_view_that_it_names(subject, views):
-    finding = Finding("odd", subject, "odd")
-    assert [view for view in "1234" if of_view(finding, view)] == list(views)
+def test_a_finding_is_told_of_the_views_that_it_carries_whatever_its_words(subject, views, told):
+    finding = Finding("odd", subject, "odd", views=views)
+    assert [view for view in ("1", "2", "and point 4") if of_view(finding, view)] == told
+
+
+def test_views_of_a_finding_are_kept_with_the_run():
+    found = [
+        Finding("odd", "views a, b", "odd", views=("a, b", "c")),
+        Finding("odd", "run", "even"),
+    ]
+    kept = findings_of({"verdict": findings_to_dataset(found)})
+    assert {f.text: f.views for f in kept} == {"odd": ("a, b", "c"), "even": ()}
+    groups = {"image/a": with_findings(xr.Dataset(), found)}
+    assert [f.views for f in take_findings(groups)] == [("a, b", "c"), ()]

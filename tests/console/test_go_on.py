@@ -9,7 +9,7 @@ import pytest
 from sldvexp.console import Console
 from sldvexp.console.afterwards import Advice
 from sldvexp.instrument import NOT_HOME
-from sldvexp.session.interruption import UnfinishedError, how_to_go_on
+from sldvexp.session.interruption import LINES_KEPT, UnfinishedError
 from tests.console.test_bench import Seen
 
 
@@ -21,8 +21,8 @@ def console(lab_experiment, tmp_path):
     def run(settings, watcher, operator):
         runs.append(list(settings))
         if len(runs) == 1:
-            told = f"sampling: no answer; {NOT_HOME}: lost; {how_to_go_on(tmp_path)}"
-            raise UnfinishedError(told, tmp_path)
+            left = f"{NOT_HOME}: lost; {LINES_KEPT}; or so"  # words say nothing of themselves
+            raise UnfinishedError("sampling: no answer", tmp_path, not_home=left)
         raise KeyboardInterrupt
 
     def made(unfinished=None):
@@ -57,7 +57,7 @@ def test_scan_that_failed_goes_on_here_and_the_instrument_is_doubted_until_it_an
     assert topics["said"]["text"] == "The instrument answers again."
     for told in (topics["scan"]["told"], topics["result"]["told"]):
         assert NOT_HOME not in told
-        assert "sampling: no answer; what was scanned is kept, Go on" in told
+        assert "sampling: no answer; what was scanned is kept, Go on does that here" in told
     with pytest.raises(KeyboardInterrupt):
         one.bench.further["go_on"]({"do": "go_on"})
     assert runs[1] == [f"resume={tmp_path}"]
@@ -106,3 +106,27 @@ def test_the_end_waits_for_advice_that_is_computed(lab_experiment, tmp_path):
         begun.wait()
         threading.Timer(0.2, finish.set).start()
     assert ended == [True]
+
+
+def test_marks_that_contradict_one_another_are_told_once_before_the_scan(lab_experiment, tmp_path):
+    runs = []
+
+    def run(settings, watcher, operator):
+        runs.append(list(settings))
+        raise UnfinishedError("no", tmp_path)
+
+    words = ["experiment=plate"]
+    one = Console(lab_experiment, words, tmp_path, lambda settings: lab_experiment, run)
+    seen = Seen(one.board)
+    places = [(-371, 1322), (-517, 601), (588, 318), (551, 1030)]  # the last 400 steps beside
+    for number, steps in enumerate(places, 1):
+        one.bench.marks.put("1", ("circle", number), steps)
+    wish = {"do": "scan", "name": "aimed"}
+    for _ in range(2):
+        one.bench._safely(lambda: one.bench.further["scan"](wish))
+        if not runs:
+            told = seen.look()["said"]
+            assert told["problem"]
+            assert told["text"].startswith("view 1: circles 1, 2, 3 and 4 contradict one another")
+            assert told["text"].endswith("or Scan again, which scans with the marks as they are")
+    assert len(runs) == 1

@@ -184,15 +184,14 @@ for (let i = 0; i < n; i++) {
   value[i] = i % 97;
 }
 cells.add(dac, value, new Uint8Array(n), step);
-return [...Array(20)].map(() => {
-  const begun = performance.now();
-  cells.painted = 0;  // all of them, as when the window moves
-  cells.draw();
-  return (performance.now() - begun) / 1000;
-}).sort((a, b) => a - b)[arguments[0]];
+const begun = performance.now();
+cells.painted = 0;  // all of them, as when the window moves
+cells.draw();
+return (performance.now() - begun) / 1000;
 """
 
 
 @pytest.mark.whole
 def test_hundred_thousand_pixels_are_painted_smoothly(page):
-    page.until(lambda: page.js(PAINT, 10) < 1 / 20)  # unless somebody else is at work
+    """The fastest of twenty: the others waited for whoever else is at work on the machine."""
+    assert min(page.js(PAINT) for _ in range(20)) < 0.020

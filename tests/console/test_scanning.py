@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from dataclasses import replace
 
 import numpy as np
@@ -187,7 +188,7 @@ def test_operator_is_asked_on_the_page(board, wishes):
     assert Asked(watcher).ask("View a, spot 1: x y z in m: ") == "1 2 3"
     assert told[0] == {"text": "View a, spot 1: x y z in m", "answer": True}
     answers = [{"do": "answer", "text": ""}]
-    Asked(watcher).ask("Move the instrument to the view a, then press Enter: ")
+    Asked(watcher).wait_for("Move the instrument to the view a, then press Enter: ")
     assert told[-1] == {
         "text": "Move the instrument to the view a, then say Go on",
         "answer": False,
@@ -210,3 +211,20 @@ def test_picture_that_cannot_be_painted_does_not_end_a_scan(two_images, scan, pl
 
     monkeypatch.setattr(Painter, "_paint", broken)
     assert same(scan({})[0], plain)
+
+
+def test_rows_of_an_image_are_not_laid_anew_for_each_of_its_lines_to_be_painted(
+    two_images, scan, monkeypatch
+):
+    """They would cost as the square of their number; the picture's square needs them too."""
+    kind, by = type(two_images.scan), []
+    lines = kind.lines
+
+    def counted(part, view):
+        by.append((threading.current_thread().name, view))
+        return lines(part, view)
+
+    monkeypatch.setattr(kind, "lines", counted)
+    _, watcher = scan({})
+    assert sorted(view for name, view in by if name == "painter") == ["1", "1", "2", "2"]
+    assert {len(found) for found in watcher._painter.bad.values()} == {6}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,6 +15,8 @@ from omegaconf import OmegaConf
 from sldvexp.config import hydra_plugin
 from sldvexp.errors import ConfigError, UserError
 from sldvexp.laser import Board, Mirror, TwoMirror
+from sldvexp.pose.rough_pose import predicted_steps
+from sldvexp.session.outline import _dac as outline_steps
 from sldvexp.units import AngleUnit
 
 
@@ -234,3 +237,31 @@ def test_deviations_are_one_stated_error_each():
 def test_stated_errors_that_cannot_be_are_refused(given, message):
     with pytest.raises(ConfigError, match=message):
         TwoMirror(up_down=Mirror(25, **given))
+
+
+def test_all_who_ask_what_the_mirrors_reach_get_the_same_ends():
+    """The ends of the board are within reach, and what rounding puts beyond them."""
+    laser = TwoMirror(board=Board.bits_16)
+    low, high = laser.reach
+    ends = np.array([low, high, np.nextafter(low, -1), np.nextafter(high, 1)])
+    beyond = np.array([np.add(low, [0, -1e-9]), np.add(high, [1e-9, 0]), [np.nan, 0.0]])
+    angles = np.concatenate([ends, beyond])
+    reached = [True] * 4 + [False] * 3
+    assert laser.reaches(angles).tolist() == reached
+    np.testing.assert_allclose(laser.dac_from_angle(ends)[:2], [[-32768] * 2, [32767] * 2])
+    for angle in beyond:
+        with pytest.raises(UserError):
+            laser.dac_from_angle(angle)
+    covariance = np.zeros((len(angles), 2, 2))
+    pose = SimpleNamespace(angles=lambda *_: (angles, covariance), probability=1.0)
+    steps, _ = predicted_steps([pose], np.zeros((len(angles), 3)), laser)
+    assert np.isfinite(steps).all(axis=1).tolist() == reached
+    dac, _ = outline_steps(angles[:-1] / laser.step, np.ones((len(angles) - 1, 2)), laser)
+    assert len(dac) == sum(reached)
+
+
+def test_steps_beyond_the_board_are_told_with_their_side():
+    laser = TwoMirror(left_right=Mirror(-25.0))
+    angle = laser.angle_from_dac([[4096, -4096]]) + laser.step * [3.0, 5.0]
+    np.testing.assert_allclose(laser.steps_beyond(angle), [[3, 5]], atol=1e-9)
+    assert laser.steps_beyond(laser.angle_from_dac([[-4096, 100]])).tolist() == [[0, 0]]

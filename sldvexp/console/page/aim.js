@@ -16,7 +16,7 @@ export class Aim {
     this.map = new Cells($("map"), () => this.drawOver());
     $("map").cells = this.map;
     this.beam = [0, 0];
-    this.marks = { marks: [], views: [], predicted: [], outlines: [] };
+    this.marks = { marks: [], views: [], predicted: [], outlines: [], out: [] };
     this.wanted = {};
     this.chosen = null;
     this.step = 10;
@@ -150,7 +150,7 @@ export class Aim {
 
   showMarks(word) {
     const other = word.view !== this.marks.view, before = this.marks.marks.length;
-    this.marks = { predicted: [], outlines: [], ...word };
+    this.marks = { predicted: [], outlines: [], out: [], ...word };
     const options = word.views.map(({ name, marks }) => new Option(marks ? `${name} (${marks} mark${marks > 1 ? "s" : ""})` : name, name, false, name === word.view));
     $("view").replaceChildren(...options);
     if (other || !this.chosen || word.marks.length > before) this.chooseNext();
@@ -161,7 +161,7 @@ export class Aim {
   /** Choose the first mark that is not set yet, else leave the choice. */
   chooseNext() {
     const list = this.list();
-    this.choose(list.find((name) => !this.at(name)) ?? this.chosen ?? list[0] ?? null);
+    this.choose(list.find((name) => !this.at(name) && !this.at(name, this.marks.out)) ?? this.chosen ?? list[0] ?? null);
   }
 
   choose(name) {
@@ -184,6 +184,15 @@ export class Aim {
       const chosen = name.kind === this.chosen?.kind && name.number === this.chosen?.number;
       button.setAttribute("aria-pressed", String(chosen));
       button.addEventListener("click", () => this.choose(name));
+      const out = this.at(name, this.marks.out);
+      if (out) {
+        const cell = Object.assign(document.createElement("td"), { colSpan: 3, className: "out", textContent: out.why });
+        const first = document.createElement("td");
+        first.append(button);
+        row.append(first, cell);
+        if (chosen) row.className = "chosen";
+        return row;
+      }
       const off = set?.residual === undefined ? "" : set.residual.toFixed(1);
       const cells = [button, ...(set ?? guess)?.dac.map(String) ?? ["–", "–"], off].map((content) => {
         const cell = document.createElement("td");

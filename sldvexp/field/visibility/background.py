@@ -131,4 +131,5 @@ def _finding(view: View, lost: int, nodes: int) -> Finding:
         "pixels, or a steeper look at this rim, give it one",
         Severity.note,
         size=lost / nodes,
+        views=(view.name,),
     )

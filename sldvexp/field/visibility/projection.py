@@ -186,8 +186,7 @@ def sight(view: View, laser: TwoMirror, points: Array) -> ProjectedPoints:
     angles = project(in_laser, laser.mirror_offset)
     low, high = laser.reach
     behind = in_laser[:, 2] <= 0
-    beyond = (angles < low) | (angles > high)
-    off_board = ~behind & (beyond[:, 0] | beyond[:, 1])
+    off_board = ~behind & ~laser.reaches(angles)
     dac = laser.dac_from_angle(np.clip(angles, low, high))
     dac[behind | off_board] = np.nan
     return ProjectedPoints(dac, behind, off_board, direction_cosines(angles) @ view.rotation)

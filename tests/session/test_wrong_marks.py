@@ -1,0 +1,132 @@
+"""Marks of which no pose can be believed: told before the session goes on, and asked for again."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sldvexp.console.marks import AimedPerson
+from sldvexp.errors import UserError
+from sldvexp.instrument.person import TakenBackError
+from sldvexp.instrument.recording import JOURNAL
+from sldvexp.pose.aiming import aiming_at_marks
+from sldvexp.session import Operator
+from sldvexp.session.interruption import telling_of_the_scan
+from sldvexp.session.operator import NobodyThereError
+from sldvexp.session.session import scan_views
+from sldvexp.targets import FiducialPoint
+from tests.session.test_by_keys import Session
+
+#: Steps by which mark 5 is taken beside its place.
+OFF = (30, -20)
+WRONG = "mark 5 lies 3"
+
+
+@pytest.fixture
+def session(composed, tmp_path, monkeypatch):
+    return Session(composed, tmp_path, monkeypatch)
+
+
+def marks(session, off=OFF):
+    return [session.at(k, off if k == 5 else (0, 0)) for k in range(1, 7)]
+
+
+def test_one_enter_does_not_let_a_wrong_mark_pass(session):
+    keys = session.press(*marks(session), "enter", "r 5 enter", session.at(5), "enter")
+    told = keys.told("The pose of this view would rest on these: ")
+    assert len(told) == 1
+    assert WRONG in told[0]
+    assert told[0].endswith("steps beside where the others put it: take it again")
+    assert any("Enter twice goes on all the same" in line for line in keys.shown)
+    np.testing.assert_array_equal(session.group["dac"].values[0], session.true)
+
+
+def test_who_goes_on_with_a_wrong_mark_is_asked_again_when_the_run_goes_on(session):
+    session.press(*marks(session), "enter enter")
+    assert session.group is not None
+    keys = session.press("r 5 enter", session.at(5), "enter")
+    assert any(line.startswith(WRONG) for line in keys.lines)
+    np.testing.assert_array_equal(session.group["dac"].values[0], session.true)
+    assert session.press().keys == []  # nothing is asked where the marks agree
+    assert session.group is not None
+
+
+def test_marks_too_few_for_a_pose_are_told(session):
+    keys = session.press(*marks(session)[:2], "h h h h", "enter")
+    assert keys.told("2 marks of this view are taken, and a pose needs three")
+    keys = session.press("r 3 enter", session.at(3), "enter")
+    assert session.group["point"].values.tolist() == [1, 2, 3]
+
+
+class Typing(Operator):
+    """Types prepared answers, and then has gone."""
+
+    def __init__(self, *answers):
+        self.answers, self.requests = list(answers), []
+
+    def ask(self, request):
+        self.requests.append(request)
+        if not self.answers:
+            raise NobodyThereError("nobody is there")
+        return self.answers.pop(0)
+
+
+def typed(session, *answers):
+    operator = Typing(*answers)
+    guide = partial(aiming_at_marks, session.experiment.laser, None)
+    session.group = scan_views(session.experiment, session.folder, operator, guide=guide)[
+        "registration"
+    ]
+    return operator
+
+
+def test_who_types_lines_is_told_before_the_session_goes_on(session):
+    steps = [np.add(place, OFF if k == 4 else 0) for k, place in enumerate(session.true)]
+    lines = [line for u, v in steps for line in (f"={u} {v}", "")]
+    u, v = session.true[4]
+    operator = typed(session, *lines, "9", "5", f"={u} {v}", "")
+    assert WRONG in operator.requests[len(lines)]
+    assert "'9' is not a mark of this view" in operator.requests[len(lines) + 1]
+    np.testing.assert_array_equal(session.group["dac"].values[0], session.true)
+
+
+def test_where_nobody_is_there_the_session_goes_on_with_what_is_kept(session):
+    session.press(*marks(session), "enter enter")
+    assert WRONG in typed(session).requests[0]
+    assert session.kept()[5] == np.add(session.true[4], OFF).tolist()
+
+
+def test_what_is_aimed_anew_on_the_page_counts_when_the_run_goes_on():
+    person = AimedPerson({1: (1, 1), 2: (2, 2)})
+    person.review({1: (1, 1), 2: (2, 2), 3: None})
+    with pytest.raises(TakenBackError) as back:
+        person.review({1: (1, 1), 2: (20, 2)})
+    assert back.value.number == 2
+
+
+def test_a_pose_that_fails_tells_how_marks_are_taken_again(tmp_path: Path):
+    (tmp_path / JOURNAL / "front").mkdir(parents=True)
+    (tmp_path / JOURNAL / "front" / "mark_3.json").touch()
+    with pytest.raises(UserError) as error, telling_of_the_scan(tmp_path, scanned=True):
+        raise UserError("pose: a view has two points")
+    assert "journal/<view>/mark_<number>.json you delete), and go on with: " in str(error.value)
+
+
+def test_a_mark_beyond_the_mirrors_is_told_at_the_terminal_after_the_third(session):
+    target = session.experiment.target
+    far = target.fiducials | {7: FiducialPoint(x=200, y=3, z=0)}
+    session.experiment.target = replace(target, fiducials=far)
+    keys = session.press(*map(session.at, range(1, 7)), "h", "enter")
+    (told,) = keys.told("mark 7 is ")
+    assert "steps (" in told
+    assert "beyond the left-right mirror's reach (+- " in told
+    assert "h leaves it out" in told
+    before = keys.lines.index(told)
+    assert keys.lines[before - 1 :][0].startswith(("mark 3: ", "marks 1, 2 and 3 fit"))
+    (asked,) = keys.told("View a, mark 7 at")
+    assert "beyond the left-right mirror's reach" in asked
+    assert session.group["point"].values.tolist() == [1, 2, 3, 4, 5, 6]
