@@ -184,6 +184,16 @@ def test_pixels_of_an_uneven_grid_are_where_they_are(tree):
     assert not np.allclose(middles[:, 3, 0], dac[:, 2:5:2, 1].mean(axis=1), atol=2)
 
 
+def test_the_name_of_a_common_axis_is_below_its_numbers(figures):
+    """That of left-right lies below the last view, whose numbers it must leave free."""
+    figure = figures["images"]
+    (name,) = (t for t in figure.texts if t.get_text().startswith("left-right"))
+    top = name.get_window_extent().y1
+    for axes in figure.axes[8:12]:
+        numbers = [t.get_window_extent() for t in axes.get_xticklabels() if t.get_text()]
+        assert min(box.y0 for box in numbers) - top > 1.0
+
+
 AS_SEEN = ("images", "phase_correction", "edges", "conics", "bitangents", "volume")
 
 
