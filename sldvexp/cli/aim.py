@@ -7,6 +7,7 @@ of steps by the pose.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,12 +19,13 @@ from sldvexp.config import Origins, composing, registry, schema
 from sldvexp.config.experiment import Experiment
 from sldvexp.config.paths import RUN_FILE
 from sldvexp.errors import UserError, nearest
-from sldvexp.geometry import KnownPose, meets_plane, meets_triangles
+from sldvexp.geometry import KnownPose, euler_from_rotation, meets_plane, meets_triangles
 from sldvexp.laser import TwoMirror, dac_jacobian, dac_of_points, rays
 from sldvexp.lazy import xarray as xr
 from sldvexp.pose.uncertainty import half_width, standard_error
 from sldvexp.scan import Scan, ScanPart
 from sldvexp.scan.by_hand import ByHand
+from sldvexp.scan.rectangle import Rectangle
 from sldvexp.scan.session import Session
 from sldvexp.sweep import recorded_config
 from sldvexp.targets import Circles, Target, unseen_circles
@@ -37,6 +39,8 @@ WORDS = {
     "dac": "steps up_down,left_right",
     "unit": "a unit of length",
 }
+#: Corners of the box that a scan images.
+BOX = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -237,8 +241,13 @@ def known_lines(view: PosedView, around: Surroundings, unit: LengthUnit) -> Iter
             yield point_line(f"mark {number} ", point, view, laser, unit)
     parts = around.scan.parts(view.name) if around.scan and _has(around.scan, view.name) else []
     for part in parts:
-        for k, corner in enumerate(_corners(part, view.name), 1):
-            yield point_line(f"corner {k} ", corner, view, laser, unit)
+        corners = _corners(part, view.name)
+        # The box that is scanned has four corners; a region of others has points beside them.
+        name = "corner" if len(corners) == BOX else "corners_at, point"
+        for k, corner in enumerate(corners, 1):
+            yield point_line(f"{name} {k} ", corner, view, laser, unit)
+        if isinstance(part, Rectangle):
+            yield from _box_line(part, view, laser)
     if len(around.surface):
         low, high = around.surface.min(axis=(0, 1)), around.surface.max(axis=(0, 1))
         yield f"  surface of the volume from {_place(low, unit)} to {_place(high, unit)}"
@@ -252,6 +261,17 @@ def _unreachable(points: Array, view: PosedView, laser: TwoMirror) -> str:
     except UserError as error:
         return str(error)
     return ""
+
+
+def _box_line(part: Rectangle, view: PosedView, laser: TwoMirror) -> Iterator[str]:
+    """Yield a line with the corners of the box that is scanned, in steps, if they are known."""
+    given = part.views[view.name].corners
+    pose = KnownPose(euler_from_rotation(view.rotation).tolist(), view.origin.tolist())
+    with suppress(UserError):  # the line of a corner says why it cannot be reached
+        steps = given or part.box(view.name, pose, laser).tolist()
+        what = "scan of the box around" if given else "box that is scanned:"
+        told = ", ".join(f"corner {k} dac {u} {v}" for k, (u, v) in enumerate(steps, 1))
+        yield from [f"  {what} {told}"] * bool(told)
 
 
 def _has(scan: Scan, view: str) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import os
 import re
 import sys
@@ -56,6 +57,10 @@ MADE = {
 }
 
 SITE = "site="
+#: Endings with which a word is the same.
+ENDINGS = "e?s|'s|e?d|ing"
+#: Times that a word counts in a heading, and where it is explained.
+HEADED, EXPLAINED = 20, 10
 
 
 def run(words: list[str], config_dir: str | None) -> int:
@@ -79,7 +84,7 @@ def run(words: list[str], config_dir: str | None) -> int:
     elif page := _page_of(words[0]):
         _show(page.read_text(encoding="utf-8"))
     else:
-        found = list(_places_of(words[0]))
+        found = places_of(words[0])
         if not found:
             told = nearest(words[0], [*pages(), *MADE])
             raise UserError(
@@ -139,19 +144,43 @@ def _show(text: str) -> None:
         console.print(Markdown(text))
 
 
-def _places_of(word: str) -> Iterator[tuple[str, str]]:
-    """Yield pages that have a word, with the headings of the sections that have it."""
-    for name, page in pages().items():
-        text = re.sub(
-            r"^```.*?^```$", _indented, page.read_text(encoding="utf-8"), flags=re.M | re.S
-        )
-        _, *parts = re.split(r"^#+ (.*)$", text, flags=re.MULTILINE)
-        sections = zip(parts[::2], parts[1::2], strict=True)
-        titles = [
-            title for title, told in sections if word.casefold() in f"{title} {told}".casefold()
-        ]
-        if titles:
-            yield name, "; ".join(title.replace("`", "") for title in titles)
+def places_of(word: str) -> list[tuple[str, str]]:
+    """List pages that tell of a word, with the headings of the sections that do, best first.
+
+    A word counts whole or with an ending, and with or without hyphens: "dropout" is in "drop-outs".
+    Only a word that is nowhere so is looked for within others.
+
+    Examples
+    --------
+    >>> [page for page, _ in places_of("leakage")]
+    ['glossary', 'response_functions']
+    """
+    letters = [re.escape(letter) for letter in re.sub(r"[\s_-]", "", word)]
+    spelt = r"[\s_-]?".join(letters) or "$^"
+    for pattern in (rf"(?<![^\W_]){spelt}(?:{ENDINGS})?(?![^\W_])", spelt):
+        found = {name: _sections_of(page, pattern) for name, page in pages().items()}
+        # A page that has a section on it goes before one that has the word here and there.
+        weight = {name: max(own.values(), default=0.0) for name, own in found.items()}
+        best = sorted((n for n in found if found[n]), key=lambda name: -weight[name])
+        if best:
+            return [(name, "; ".join(found[name])) for name in best]
+    return []
+
+
+def _sections_of(page: Path, pattern: str) -> dict[str, float]:
+    """Find headings of sections that have a pattern, with how much they tell of it."""
+    text = re.sub(r"^```.*?^```$", _indented, page.read_text(encoding="utf-8"), flags=re.M | re.S)
+    _, *parts = re.split(r"^#+ (.*)$", text, flags=re.MULTILINE)
+    found = {}
+    for title, told in zip(parts[::2], parts[1::2], strict=True):
+        has = functools.partial(re.findall, flags=re.IGNORECASE | re.MULTILINE)
+        # What a row of a table, a term of a list or a paragraph begins with is explained there.
+        explained = len(has(rf"^(?:\| |- |)[`*]+{pattern}|^\| {pattern}", told))
+        weight = len(has(pattern, told)) + EXPLAINED * explained
+        weight += HEADED * len(has(pattern, title))
+        if weight:
+            found[title.replace("`", "")] = float(weight)
+    return found
 
 
 def _indented(block: re.Match[str]) -> str:

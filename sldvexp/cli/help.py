@@ -180,9 +180,9 @@ COMMAND_HELP = {
         {"port": "port of the page on this machine; without it a free one"},
     ),
     "report": CommandHelp(
-        "<runs or sweeps>",
-        "their page, report.html, anew",
-        ("Makes the page of each run or sweep again, as if it had been run with this version.",),
+        "<run or sweep>",
+        "its page, report.html, anew",
+        ("Makes the page of a run or sweep again, as if it had been run with this version.",),
         ((f"report {RUN}", "the page of one run"),),
     ),
     "plot": CommandHelp(

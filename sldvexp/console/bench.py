@@ -460,8 +460,7 @@ class AimingBench:
     def _begin(self) -> None:
         e = self.experiment
         low, high = e.laser.board.value
-        # Up and to the left as the eye sees it beside the instrument; see `sldvexp.laser`.
-        ways = [1 if m.gain > 0 else -1 for m in (e.laser.up_down, e.laser.left_right)]
+        ways = e.laser.ways.tolist()
         setup = {"low": low, "high": high, "ways": ways, "wanted": self.wanted}
         self.board.tell("setup", setup)
         self.board.begin("raster", view=self.view)

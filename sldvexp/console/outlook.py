@@ -14,7 +14,7 @@ import math
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -28,7 +28,8 @@ from sldvexp.pose import Aiming, AimingPlace
 from sldvexp.pose.aiming import pointing_of
 from sldvexp.pose.rough_pose import RoughPose, predicted_angles, predicted_steps
 from sldvexp.scan.by_hand import ByHand
-from sldvexp.scan.rectangle import Rectangle, ScanRegion
+from sldvexp.scan.lines import box_corners
+from sldvexp.scan.rectangle import Rectangle
 from sldvexp.session.by_person import known_marks
 from sldvexp.targets import Circles, unseen_circles
 from sldvexp.targets.base import std_of_bound
@@ -197,22 +198,21 @@ class Outlook:
         """Say the corners of the scan's own region; none if it has none, or not all is seen."""
         if self.region is None:
             return []
-        own = self.region.views.get(view, ScanRegion()).corners_at
         at = KnownPose(euler_from_rotation(pose.rotation).tolist(), pose.origin.tolist())
         with suppress(UserError):
-            only = replace(self.region, views={"seen": ScanRegion(pose=at, corners_at=own)})
-            return only.in_steps(self.laser, None).views["seen"].corners
+            corners: list[list[int]] = self.region.box(view, at, self.laser).tolist()
+            return corners
         return []
 
-    def _box(self, structure: list[Array]) -> list[tuple[int, int]]:
+    def _box(self, structure: list[Array]) -> list[list[int]]:
         """Lay the box of the region that is imaged around the structure."""
         if not structure or not all(len(s) for s in structure):
             return []
         low, high = self.laser.board.value
         seen = np.clip(np.concatenate(structure), low, high)
-        a, b = np.floor(seen.min(axis=0)).astype(int), np.ceil(seen.max(axis=0)).astype(int)
-        box = (a[0], a[1]), (a[0], b[1]), (b[0], b[1]), (b[0], a[1])
-        return [(int(u), int(v)) for u, v in box]
+        ends = np.floor(seen.min(axis=0)), np.ceil(seen.max(axis=0))
+        box: list[list[int]] = box_corners(*ends, self.laser.ways).tolist()
+        return box
 
 
 def _metres(point: Array, std: float | None = None) -> str:

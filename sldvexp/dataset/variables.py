@@ -251,6 +251,7 @@ VARIABLES: dict[str, dict[str, Variable]] = {
         "pointing_std": _V(
             "view", "1", f"pointing noise of the mirrors, {DAC}", DAC, "pointing noise"
         ),
+        "rough_centre": _V("view circle", "1", "which rough centre shows the circle"),
         "s_deg": _V("view", "deg", "standard deviation of a mirror reading"),
         "rim": _V("view", "m", "by how much edges are seen outside of their circles"),
         "sse": _V("view", "deg2", "sum of the squared residuals"),

@@ -186,6 +186,10 @@ class ScanningPlugin(ABC):
         """Say after which lines, and how many of them, a recorded view was left; None if whole."""
         return None
 
+    def recorded(self, view: str, name: str) -> list[IntArray]:
+        """Give the pixels of a recording's lines of a name, in their order; none if measured."""
+        return []
+
     @abstractmethod
     def open(
         self,

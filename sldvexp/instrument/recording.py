@@ -148,6 +148,11 @@ def _sums(kept: Mapping[str, NDArray[Any]]) -> tuple[IntArray, Array, ResponseSu
     return dac, how, sums
 
 
+def line_name(name: str, place: int) -> str:
+    """Name a line in the journal by that of its lines and its place among them, from 0."""
+    return f"{name}_{place:03d}"
+
+
 def asked(acquisition: Acquisition) -> Array:
     """Express an acquisition as numbers that can be kept and compared."""
     a = acquisition
@@ -306,6 +311,16 @@ class Replay(ScanningPlugin):
     def left(self, view: str) -> tuple[str, int] | None:
         """See `ScanningPlugin`."""
         return read_left(locate(self.path) / JOURNAL / view)
+
+    def recorded(self, view: str, name: str) -> list[IntArray]:
+        """See `ScanningPlugin`; those before the first that is missing or damaged."""
+        folder = locate(self.path) / JOURNAL / view
+        found: list[IntArray] = []
+        while (path := folder / f"{line_name(name, len(found))}.npz").is_file():
+            if (kept := read_pixels(path)) is None:
+                break
+            found.append(kept[0])
+        return found
 
     def open(
         self,

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 
 from sldvexp.config.registry import register
 from sldvexp.errors import Checks, UserError
-from sldvexp.typing import Array, BoolArray
+from sldvexp.typing import Array, BoolArray, IntArray
 from sldvexp.units import AngleUnit
 
 MIRRORS = ("up_down", "left_right")
@@ -182,6 +182,19 @@ class TwoMirror:
         """Angle of one DAC step at step 0, shape (mirror,), rad; always positive."""
         largest = self.board.value[1]
         return np.array([abs(getattr(self, m).coefficients[1]) / largest for m in MIRRORS])
+
+    @property
+    def ways(self) -> IntArray:
+        """Signs of steps that go up and to the left, as seen from the instrument, shape (mirror,).
+
+        The laser frame's y is up and its x to the left for who looks along z.
+
+        Examples
+        --------
+        >>> TwoMirror(up_down=Mirror(gain=-25.0)).ways.tolist()
+        [-1, 1]
+        """
+        return np.array([1 if getattr(self, m).gain > 0 else -1 for m in MIRRORS])
 
     @property
     def reach(self) -> tuple[Array, Array]:

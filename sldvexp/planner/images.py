@@ -18,7 +18,7 @@ from sldvexp.laser import direction_cosines
 from sldvexp.planner.expected import empty_view
 from sldvexp.planner.place import BESIDE, Place, crosses
 from sldvexp.planner.turning import angles_of, turned_towards
-from sldvexp.scan.lines import half_chords, rectangle, strided
+from sldvexp.scan.lines import box_corners, half_chords, rectangle, strided
 from sldvexp.scan.rectangle import Rectangle
 from sldvexp.scan.session import Session
 from sldvexp.typing import Array, IntArray
@@ -86,8 +86,9 @@ def known_stand(name: str, origin: Array, look_at: Array, rotation: Array, place
     edge = _dac(origin, rotation, place.region if told else place.outline, place)
     low, high = edge.min(axis=0), edge.max(axis=0)
     widen = (0.0 if told else BESIDE) * (high - low)
-    (a, b), (c, d) = np.floor(low - widen).astype(int), np.ceil(high + widen).astype(int)
-    corners = np.clip([[a, b], [a, d], [c, d], [c, b]], *place.laser.board.value)
+    board = place.laser.board.value
+    least, most = np.clip(np.floor(low - widen), *board), np.clip(np.ceil(high + widen), *board)
+    corners = box_corners(least, most, place.laser.ways, edge if told else None)
     circles = np.rint(_dac(origin, rotation, place.marks.centres, place)).astype(int)
     return Stand(name, origin, look_at, rotation, corners, circles)
 

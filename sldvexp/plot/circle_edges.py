@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Sequence
 from typing import Any
 
@@ -15,8 +14,8 @@ from sldvexp.dataset import VARIABLES, RunData, Source
 from sldvexp.geometry import ConicFit
 from sldvexp.geometry.conic import boundary
 from sldvexp.image import dac_from_pinhole, fit_circle, pinhole_edges
-from sldvexp.plot import style
-from sldvexp.plot.selection import one_of, plugin, require
+from sldvexp.plot import as_seen, style
+from sldvexp.plot.selection import one_of, require
 from sldvexp.session.circles import edges_of
 from sldvexp.typing import Array
 
@@ -70,14 +69,14 @@ def edges(source: Source | RunData, view: str | None = None) -> Figure:
     ratio = ratio_of([group["dac"].values for group in views.values()])
     titles = [_edges_told(name, group) for name, group in views.items()]
     made, axes = panels_of_views(ratio, "Edge points of the circles", titles)
-    for axis, group in zip(axes.ravel(), views.values(), strict=False):
-        numbers = np.unique(group["circle"].values)
-        for number, look in zip(numbers, style.looks(len(numbers)), strict=True):
-            own = group["circle"].values == number
-            up_down, left_right = group["dac"].values[own].T
+    for axis, (name, group) in zip(axes.ravel(), views.items(), strict=False):
+        numbers = sorted((number, centre) for centre, number in circle_numbers(run, name).items())
+        for (number, centre), look in zip(numbers, style.looks(len(numbers)), strict=True):
+            up_down, left_right = group["dac"].values[group["circle"].values == centre].T
             look |= {"linestyle": "none", "markersize": 2, "markeredgewidth": 0.5}
             axis.plot(left_right, up_down, label=str(number), fillstyle="none", **look)
         axis.set_aspect("equal", adjustable="datalim")
+        as_seen.turn(axis, as_seen.ways_of(run))
     style.outer_labels(axes, len(views), *ACROSS_AND_UP)
     style.legend(made, *axes.ravel()[: len(views)], title="circle", markerscale=2)
     return made
@@ -145,6 +144,7 @@ def conics(source: Source | RunData, view: str | None = None) -> Figure:
     above, below = grid[::2].ravel(), grid[1::2].ravel()
     for upper, lower, (number, fit) in zip(above, below, fits.items(), strict=False):
         _ellipse(upper, fit[2], fit[3], fit[0])
+        as_seen.turn(upper, as_seen.ways_of(run))
         upper.set_title(f"circle {number}")
         _residuals(lower, fit[1], fit[0])
     for axis in (*above[len(fits) :], *below[len(fits) :]):
@@ -162,8 +162,8 @@ def conics(source: Source | RunData, view: str | None = None) -> Figure:
 def conic_residuals(source: Source | RunData) -> Figure:
     """Draw distances of all edges from the ellipses through them, view by view (Figure 4.24).
 
-    Beside a circle's number stand its edges in the order of their direction from its centre, from
-    -180 to 180 deg, as `conics` shows them of one view.
+    Beside a circle's number stand its edges in the order of their direction from its centre as
+    seen, from -180 to 180 deg, 0 to the right, 90 up, as `conics` shows them of one view.
 
     Examples
     --------
@@ -201,25 +201,31 @@ def _fits_told(fits: dict[int, tuple[ConicFit, Array, Array, Array]]) -> str:
 
 
 def fitted(run: RunData, view: str) -> dict[int, tuple[ConicFit, Array, Array, Array]]:
-    """Find each circle's fit, the edges' turn around it, the edges and the curve, DAC steps."""
-    laser = _laser(run)
+    """Find each circle's fit, the edges' turn around it as seen, the edges and the curve, steps."""
+    laser, ways, numbers = as_seen.laser_of(run), as_seen.ways_of(run), circle_numbers(run, view)
     found = {}
-    for number, edge in enumerate(edges_of(run.groups[f"edge/{view}"]), 1):
+    for centre, edge in enumerate(edges_of(run.groups[f"edge/{view}"]), 1):
         fit, moved = fit_circle(pinhole_edges(laser, edge) if laser else edge)
         curve = boundary(fit.ellipse.parameters, TURN)[0]
         away = moved.position - fit.ellipse.centre
-        turn = np.degrees(np.arctan2(away[:, 0], away[:, 1]))
+        turn = as_seen.from_the_right(away, ways)
         curve = dac_from_pinhole(laser, curve) if laser else curve
         points = dac_from_pinhole(laser, moved.position) if laser else moved.position
-        found[number] = (fit, turn, points, curve)
-    return found
+        found[numbers[centre]] = (fit, turn, points, curve)
+    return dict(sorted(found.items()))
 
 
-@functools.lru_cache(maxsize=1)
-def _laser(run: RunData) -> Any:
-    """Find the run's laser; None if it does not tell."""
-    known = '"laser"' in str(run.attributes.get("plugins", "")) and "config" in run.attributes
-    return plugin(run, "laser", "conics") if known else None
+def circle_numbers(run: RunData, view: str) -> dict[int, int]:
+    """Tell the number of the circle that each rough centre of a view showed.
+
+    That of the rough centre where the pose of the view, which tells it, is not known.
+    """
+    centres = np.unique(run.groups[f"edge/{view}"]["circle"].values).tolist()
+    numbers = {int(k): int(k) for k in centres}
+    if run.has("pose", "rough_centre") and view in run.groups["pose"]["view"].values:
+        shown = run.groups["pose"]["rough_centre"].sel(view=view)
+        numbers |= {int(k): int(n) for n, k in zip(shown["circle"], shown, strict=True)}
+    return numbers
 
 
 def _ellipse(axes: Axes, points: Array, curve: Array, fit: ConicFit) -> None:

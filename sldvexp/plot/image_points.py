@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from sldvexp.dataset import AXES, VARIABLES, RunData, Source
 from sldvexp.lazy import scipy
 from sldvexp.lazy import xarray as xr
-from sldvexp.plot import style
+from sldvexp.plot import as_seen, style
 from sldvexp.plot.circle_edges import ACROSS_AND_UP, COLUMNS, DAC, fitted, panels_of_views, ratio_of
 from sldvexp.plot.paper import broken
 from sldvexp.plot.selection import one_of, require
@@ -96,17 +96,19 @@ def _touching(axes: Axes, run: RunData, view: str) -> None:
         for ends in (four[[0, 2]], four[[1, 3]]):
             axes.plot(ends[:, 1], ends[:, 0], "--", color=style.COLOURS[-1], label="bitangent")
     axes.plot(dac[:, 1], dac[:, 0], "o", color=style.COLOURS[3], label="bitangent point")
-    _number(axes, dac, points["point"].values)
+    ways = as_seen.ways_of(run)
+    _number(axes, dac, points["point"].values, ways)
     axes.margins(0.12)
     axes.set_aspect("equal", adjustable="datalim")
+    as_seen.turn(axes, ways)
 
 
-def _number(axes: Axes, dac: np.ndarray, numbers: np.ndarray) -> None:
+def _number(axes: Axes, dac: np.ndarray, numbers: np.ndarray, ways: tuple[int, int]) -> None:
     """Write a point's number beside it, on the side away from the middle of its neighbours."""
     for k, (place, number) in enumerate(zip(dac, numbers, strict=True)):
         near = np.argsort(np.linalg.norm(dac - place, axis=1))[1:4]
         away = place - dac[near].mean(axis=0)
-        away = away[::-1] / (np.linalg.norm(away) or 1.0)
+        away = (away * ways)[::-1] * (-1, 1) / (np.linalg.norm(away) or 1.0)  # right and up
         axes.annotate(
             str(number),
             place[::-1],

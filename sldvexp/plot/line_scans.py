@@ -18,6 +18,7 @@ from sldvexp.instrument import RawSamples, Status
 from sldvexp.instrument.recording import JOURNAL, read_line
 from sldvexp.lazy import scipy
 from sldvexp.plot import style
+from sldvexp.plot.circle_edges import circle_numbers
 from sldvexp.plot.paper import broken
 from sldvexp.plot.selection import one_of, plugin, require, settings
 from sldvexp.scan.calibration import EdgeMethod
@@ -60,7 +61,7 @@ def unavailable_because(run: RunData) -> str:
 def scan_lines(
     source: Source | RunData,
     view: str | None = None,
-    circle: int = 1,
+    circle: int | None = None,
     folder: str | Path | None = None,
 ) -> Figure:
     """Draw scan lines across one circle (Figures 4.13 to 4.17 and 4.19 to 4.22).
@@ -72,8 +73,9 @@ def scan_lines(
     ----------
     view : str, optional
         Without it the first.
-    circle : int
-        Which one, in the order of scanning, from 1.
+    circle : int, optional
+        The circle's number; that of its rough centre where the pose is not known, which tells it.
+        Without it the first.
     folder : str or Path, optional
         Of the run, if `source` is not the file in it: the samples are in its ``journal``.
 
@@ -86,9 +88,11 @@ def scan_lines(
     run = RunData.from_source(source, folder)
     require("scan_lines", unavailable_because(run))
     view = one_of(view, _views(run), "scan_lines", "view")
-    circles = _circles(run, view)
-    number = one_of(str(circle), circles, "scan_lines", "circle")
-    taken = {kind: _take(run, view, number, kind) for kind in KINDS}
+    scanned = set(_circles(run, view))
+    numbers = {str(n): str(k) for k, n in circle_numbers(run, view).items() if str(k) in scanned}
+    circles = sorted(numbers, key=int)
+    number = one_of(None if circle is None else str(circle), circles, "scan_lines", "circle")
+    taken = {kind: _take(run, view, numbers[number], kind) for kind in KINDS}
     title = f"Scan lines across circle {number} of {len(circles)}, view {view}"
     made = style.figure(7.4, title)
     axes = made.subplots(4, 2, sharex="col")

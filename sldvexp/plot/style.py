@@ -347,7 +347,7 @@ LOW = 0.24
 #: Cells of a scale.
 SCALE_COLOURS = 256
 #: Inches for the numbers below a panel.
-TICKS = 0.19
+TICKS = 0.23
 #: Inches above everything, and at the sides of a title.
 EDGE = 0.06
 #: Height of a line over its letters, and of the heading's letters over others.

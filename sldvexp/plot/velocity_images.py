@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from sldvexp.dataset import VARIABLES, RunData, Source
 from sldvexp.lazy import xarray as xr
-from sldvexp.plot import style
+from sldvexp.plot import as_seen, style
 from sldvexp.plot.selection import at_frequency, one_of, require
 from sldvexp.typing import BoolArray, ComplexArray
 
@@ -43,7 +43,7 @@ def raw_unavailable_because(run: RunData) -> str:
 def images(
     source: Source | RunData, view: str | None = None, frequency: float | None = None
 ) -> Figure:
-    """Draw the complex velocity of the pixels, a row for each view.
+    """Draw the complex velocity of the pixels as seen from the instrument, a row for each view.
 
     Flagged pixels are hatched, and phases where the velocity is less than `CERTAIN` of its standard
     deviations.
@@ -77,7 +77,7 @@ def images(
     rows = {f"view {k}": at_frequency(g, "images", frequency)[0] for k, g in views.items()}
     velocities = {name: group["velocity"].values for name, group in rows.items()}
     title = style.joined("Velocity images", hertz)
-    return _rows(rows, velocities, title)
+    return _rows(rows, velocities, title, as_seen.ways_of(run))
 
 
 @style.styled
@@ -110,10 +110,15 @@ def phase_correction(
     group, hertz = at_frequency(views[view], "phase_correction", frequency)
     values = {"raw": group["uncorrected"].values, "corrected": group["velocity"].values}
     title = style.joined(f"Phase correction of the view {view}", hertz)
-    return _rows(dict.fromkeys(values, group), values, title)
+    return _rows(dict.fromkeys(values, group), values, title, as_seen.ways_of(run))
 
 
-def _rows(groups: dict[str, xr.Dataset], velocities: dict[str, ComplexArray], title: str) -> Figure:
+def _rows(
+    groups: dict[str, xr.Dataset],
+    velocities: dict[str, ComplexArray],
+    title: str,
+    ways: tuple[int, int],
+) -> Figure:
     """Draw a row of four maps for each image, with a common scale for each column."""
     extents = np.array([np.ptp(group["dac"].values, axis=0) for group in groups.values()])
     tall = float(np.clip((extents[:, 0] / np.maximum(extents[:, 1], 1)).max(), 0.25, 1.6))
@@ -137,6 +142,7 @@ def _rows(groups: dict[str, xr.Dataset], velocities: dict[str, ComplexArray], ti
             axis.xaxis.set_major_locator(style.ticks(2))
             axis.yaxis.set_major_locator(style.ticks(3))
             axis.set_aspect("equal")
+            as_seen.turn(axis, ways)
             axis.tick_params(labelleft=part == PARTS[0])
     for axis, name in zip(axes[:, 0], groups, strict=True):
         axis.set_ylabel(name)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from sldvexp.dataset import VARIABLES, RunData, Source
 from sldvexp.geometry import rim
 from sldvexp.lazy import xarray as xr
-from sldvexp.plot import style
+from sldvexp.plot import as_seen, style
 from sldvexp.plot.selection import require
 from sldvexp.typing import Array, IndexArray
 
@@ -80,6 +80,7 @@ def volume(source: Source | RunData) -> Figure:
         edges = _apart(np.stack([left_right, up_down], axis=1)[ends])
         axis.plot(*edges.T, label="edge of the volume", **look)
         axis.set_aspect("equal", adjustable="datalim")
+        as_seen.turn(axis)
         for own in (axis.xaxis, axis.yaxis):
             own.set_major_locator(style.ticks(3))
     style.outer_labels(axes, len(names), *style.mirror_labels(VARIABLES["image"]["angle"]))

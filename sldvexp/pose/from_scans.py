@@ -141,11 +141,18 @@ def lost_edges(view: str, group: xr.Dataset) -> list[Finding]:
 
 
 def with_pointing(pose: xr.Dataset, images: Sequence[CircleImages]) -> xr.Dataset:
-    """Add the mirrors' pointing noise in every view to the group ``pose``."""
-    whole = {i.view: i.pointing.whole for i in images}
-    views = pose["view"].values
-    noise = dataset.group("pose", {"view": views}, pointing_std=[whole[str(v)] for v in views])
-    return pose.merge(noise)
+    """Add the mirrors' pointing noise in every view, and which circle is which, to ``pose``."""
+    own = {i.view: i for i in images}
+    found = [own[str(view)] for view in pose["view"].values]
+    numbers = sorted(images[0].match.ellipse)
+    more = dataset.group(
+        "pose",
+        {"view": pose["view"].values, "circle": numbers},
+        pointing_std=[i.pointing.whole for i in found],
+        # rough centres count from 1 (`sldvexp.session.circles.edges_to_dataset`)
+        rough_centre=[[i.match.ellipse[n] + 1 for n in numbers] for i in found],
+    )
+    return pose.merge(more)
 
 
 def start_of(images: CircleImages, laser: TwoMirror, circles: Circles) -> tuple[Array, Array]:

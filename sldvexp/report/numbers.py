@@ -3,7 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 
+#: Size in a shown unit below which a number is rounding alone: no instrument sees a picometre.
+NOTHING = 1e-9
+#: Decimals of places in mm, and of angles in deg.
+PLACES = 2
 SMALLEST, LARGEST = "the smallest", "the largest"
 #: Results of which more is better, by the last part of their names; of all others less is.
 MORE_IS_BETTER = (
@@ -39,6 +44,40 @@ def number(value: complex, digits: int = 4) -> str:
     return f"{value.real:.{digits}g}{value.imag:+.{digits}g}i"
 
 
+def shown(value: float, digits: int = 3) -> str:
+    """Write a number of a shown unit, such as mm/s, microstrain or mm; 0 if it is rounding alone.
+
+    Examples
+    --------
+    >>> shown(1.388e-14), shown(0.5)
+    ('0', '0.5')
+    """
+    return number(0.0 if abs(value) < NOTHING else value, digits)
+
+
+def place_text(place: Iterable[float]) -> str:
+    """Write coordinates in mm, to a hundredth.
+
+    Examples
+    --------
+    >>> place_text([1.388e-14, -104.99999, 1234.56])
+    '0, -105, 1234.56'
+    """
+    return ", ".join(f"{round(float(x), PLACES) + 0.0:.15g}" for x in place)
+
+
+def angle_text(angle: float, bound: float) -> str:
+    """Write an angle with its bound, deg: rounded to two digits of that, or to a hundredth.
+
+    Examples
+    --------
+    >>> angle_text(88.517263, 4.95), angle_text(30.0000012, 2e-7)
+    ('88.5 ± 5.0', '30.00 ± 0.01')
+    """
+    least = 10.0**-PLACES
+    return with_bound(angle, bound) if bound >= 10 * least else f"{angle:.{PLACES}f} ± {least:g}"
+
+
 def bound_text(bound: float) -> str:
     """Write a bound alone, with two digits.
 
@@ -64,7 +103,7 @@ def with_bound(value: complex, bound: float) -> str:
     if not math.isfinite(bound) or bound <= 0:
         return f"{number(value)} (no bound)" if bound != 0 else number(value)
     places = max(0, 1 - math.floor(math.log10(bound)))
-    text = f"{value.real:.{places}f}"
+    text = f"{round(value.real, places) + 0.0:.{places}f}"  # no minus before zeros
     if value.imag:
         text += f" {'+' if value.imag >= 0 else '-'} {abs(value.imag):.{places}f}i"
     return f"{text} ± {bound:.{places}f}"

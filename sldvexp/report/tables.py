@@ -17,7 +17,7 @@ from sldvexp.dataset import FREQUENCY, VARIABLES, RunData, is_void
 from sldvexp.field.bounds.budget import SOURCES
 from sldvexp.lazy import xarray as xr
 from sldvexp.report.key_numbers import on_surface, surface_name
-from sldvexp.report.numbers import number, with_bound
+from sldvexp.report.numbers import angle_text, number, place_text, shown, with_bound
 
 POSE = VARIABLES["pose"]
 VELOCITY = VARIABLES["field"]["velocity"]
@@ -270,9 +270,9 @@ def strain_table(strain: xr.Dataset, frequencies: Sequence[float], of: str = "")
             size = np.abs(one["strain"].values)
             cells = [f"e_{component}", "" if np.isnan(hertz) else f"{hertz:g}"]
             largest = np.nanmax(size) if np.isfinite(size).any() else np.nan
-            shown = (largest, _rms(size), _rms(one["confidence"].values))
-            cells += [number(1e6 * float(v), 3) for v in shown]
-            cells += [number(1e6 * _rms(np.abs(one[name].values)), 3) for name in parts]
+            sizes = (largest, _rms(size), _rms(one["confidence"].values))
+            cells += [shown(1e6 * float(v)) for v in sizes]
+            cells += [shown(1e6 * _rms(np.abs(one[name].values))) for name in parts]
             table.add_row(*map(escape, cells))
     return table
 
@@ -314,8 +314,8 @@ def hot_spot_table(strain: xr.Dataset, frequencies: Sequence[float], of: str = "
         for spot, place in enumerate(plot.hottest_places(one), start=1):
             here = one.isel(place=place)
             cells = [str(spot), "" if np.isnan(hertz) else f"{hertz:g}"]
-            places = (here[name].values + 0.0 for name in ("position", "coordinate"))
-            cells += [", ".join(number(1e3 * x, 4) for x in place) for place in places]
+            places = (here[name].values for name in ("position", "coordinate"))
+            cells += [place_text(1e3 * place) for place in places]
             if stress:
                 pair = (float(here[n]) for n in ("von_mises", "von_mises_confidence"))
                 cells.append(with_bound(*(1e-6 * v for v in pair)))
@@ -331,7 +331,7 @@ def _direction(place: xr.Dataset) -> str:
     std = float(place["principal_direction_std"])
     if 2 * std >= UNKNOWN:
         return "any"
-    return with_bound(float(place["principal_direction"]), 2 * std)
+    return angle_text(float(place["principal_direction"]), 2 * std)
 
 
 def gage_table(gages: xr.Dataset, frequencies: Sequence[float]) -> Table:
@@ -436,7 +436,7 @@ def _rms(values: np.ndarray) -> float:
 
 
 def _mm(value: float) -> str:
-    return number(VELOCITY.factor * value, 3)
+    return shown(VELOCITY.factor * value)
 
 
 def _two(value: float) -> str:
@@ -471,14 +471,14 @@ def _image_view_text(view: str, image: xr.Dataset) -> str:
         return f"{name}: {image.attrs['summary']}; no pixel is good"
     largest = np.max(size, axis=0, where=np.isfinite(size), initial=0.0)
     hertz = image["frequency"].values
-    shown = np.sort(np.argsort(-largest, kind="stable")[:MOST_FREQUENCIES])
+    chosen = np.sort(np.argsort(-largest, kind="stable")[:MOST_FREQUENCIES])
     factor, unit = VELOCITY.factor, VELOCITY.shown_unit
     found = "; ".join(
         f"{hertz[i]:g} {FREQUENCY.units}: at most {factor * largest[i]:.4g} {unit}, "
         f"median uncertainty {factor * _std(good, i):.2g} {unit}"
-        for i in shown
+        for i in chosen
     )
-    rest = f"; {len(hertz) - len(shown)} more frequencies" if len(shown) < len(hertz) else ""
+    rest = f"; {len(hertz) - len(chosen)} more frequencies" if len(chosen) < len(hertz) else ""
     return f"{name}: {image.attrs['summary']}; {found}{rest}"
 
 

@@ -157,6 +157,47 @@ def strided(corners: ArrayLike, stride: int) -> IntArray:
     return _grid([np.arange(a, b + 1, stride) for a, b in zip(*_box(corners), strict=True)])
 
 
+def box_corners(
+    low: ArrayLike, high: ArrayLike, ways: ArrayLike, seen: ArrayLike | None = None
+) -> IntArray:
+    """Put the corners of a box of steps into the order of their numbers, everywhere alike.
+
+    From the lower left one, as seen from the instrument, to the right and on around. Of a region
+    of four corners they have that region's numbers, so that the k-th is where its k-th is seen.
+
+    Parameters
+    ----------
+    low, high : array_like, shape (2,), whole steps
+    ways : array_like, shape (2,)
+        Signs of steps that go up and to the left (`sldvexp.laser.TwoMirror.ways`).
+    seen : array_like, shape (n, 2), steps, optional
+        Corners of the region that the box holds, in order around it.
+
+    Returns
+    -------
+    ndarray of int, shape (4, 2), steps
+
+    Examples
+    --------
+    >>> box_corners([-5, 2], [5, 9], ways=(1, 1)).tolist()
+    [[-5, 9], [-5, 2], [5, 2], [5, 9]]
+    >>> region = [[5, 9], [5, 2], [-4, 2], [-5, 8]]  # from the upper left one, clockwise
+    >>> box_corners([-5, 2], [5, 9], (1, 1), region).tolist()
+    [[5, 9], [5, 2], [-5, 2], [-5, 9]]
+    """
+    ends = np.stack([low, high]).astype(np.int64)
+    upwards, leftwards = (np.asarray(ways) > 0).astype(int)
+    bottom, top = ends[[1 - upwards, upwards], 0]
+    right, left = ends[[1 - leftwards, leftwards], 1]
+    around = np.array([[bottom, left], [bottom, right], [top, right], [top, left]])
+    if seen is None or len(np.asarray(seen)) != len(around):
+        return around
+    size = np.maximum(ends[1] - ends[0], 1)
+    numbered = [np.roll(order, k, axis=0) for order in (around, around[::-1]) for k in range(4)]
+    beside = [float(np.sum(((order - np.asarray(seen)) / size) ** 2)) for order in numbered]
+    return numbered[int(np.argmin(beside))]
+
+
 def _box(corners: ArrayLike) -> tuple[IntArray, IntArray]:
     """Find smallest and largest up_down and left_right."""
     return np.min(corners, axis=0), np.max(corners, axis=0)

@@ -24,7 +24,7 @@ from sldvexp.scan.base import (
     check_rough_pose,
     check_view_names,
 )
-from sldvexp.scan.lines import rectangle, strided
+from sldvexp.scan.lines import box_corners, rectangle, strided
 from sldvexp.targets import Target
 from sldvexp.typing import IntArray
 from sldvexp.units import LengthUnit
@@ -47,7 +47,8 @@ class ScanRegion:
     pose : KnownPose, optional
         Where the instrument roughly stands, instead: it predicts the steps of `corners_at`.
     corners_at : list of list of 3 float
-        Corners of the region in the world, in order around it; without them those of the scan.
+        Corners of the region in the world, in order around it; without them those of the scan. Of
+        four the box has the numbers, on the page of the console too.
     """
 
     corners: list[list[int]] = field(default_factory=list)
@@ -142,14 +143,30 @@ class Rectangle(ImageScan):
         }
         return replace(self, views=views)
 
+    def box(self, view: str, pose: KnownPose, laser: TwoMirror) -> IntArray:
+        """Predict the corners of a view's box by any pose, shape (4, 2), steps.
+
+        Numbered as those of `corners_at` if these are four (`sldvexp.scan.lines.box_corners`); none
+        if the scan has no such points.
+
+        Raises
+        ------
+        UserError
+            That names a corner behind the instrument, or beyond its mirrors.
+        """
+        region = self.views.get(view, ScanRegion())
+        if not self._corners_at(region):
+            return np.zeros((0, 2), np.int64)
+        return self._box(view, region, pose, laser)
+
     def _box(self, view: str, region: ScanRegion, pose: KnownPose, laser: TwoMirror) -> IntArray:
-        """Predict the corners of the box, shape (4, 2), steps."""
+        """Predict the corners of the box, numbered as the region's, shape (4, 2), steps."""
         corners = self.unit.value * np.array(self._corners_at(region), float)
         names = [
             f"corner {n} at {tuple(p)} {self.unit.name}"
             for n, p in enumerate(self._corners_at(region), 1)
         ]
-        aim_points(view, corners, names, pose, laser)
+        seen = aim_points(view, corners, names, pose, laser)
         along = np.linspace(0, 1, EDGE, endpoint=False)[:, None, None]
         edges = ((1 - along) * corners + along * np.roll(corners, -1, axis=0)).reshape(-1, 3)
         from_corner = EDGE * [f"the edge from {name}" for name in names]
@@ -157,8 +174,8 @@ class Rectangle(ImageScan):
         away = np.linalg.norm(edges - pose.place, axis=-1, keepdims=True)
         beyond = self.unit.value * self.margin / (away * laser.step)
         low, high = (steps - beyond).min(axis=0), (steps + beyond).max(axis=0)
-        (top, left), (bottom, right) = np.clip(np.rint([low, high]), *laser.board.value)
-        return np.array([[top, left], [top, right], [bottom, right], [bottom, left]], np.int64)
+        least, most = np.clip(np.rint([low, high]), *laser.board.value)
+        return box_corners(least, most, laser.ways, seen)
 
     def grid(self, view: str) -> IntArray:
         """Lay the pixels of a view, shape (row, column, 2), DAC steps.

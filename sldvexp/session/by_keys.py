@@ -28,7 +28,7 @@ from sldvexp.instrument.person import (
 from sldvexp.laser import TwoMirror
 from sldvexp.session.camera import Camera, ViewContext
 from sldvexp.session.keyboard import Key, Keyboard
-from sldvexp.typing import Array
+from sldvexp.typing import IntArray
 from sldvexp.units import LengthUnit
 
 #: How often the light is looked at while no key is pressed, s.
@@ -74,12 +74,9 @@ class AtKeyboard:
         keyboard.say(HELP)
 
     @cached_property
-    def ways(self) -> dict[str, Array]:
-        """Direction of each arrow in steps, as seen from the instrument: y is up, x to the left."""
-        up_down, left_right = (
-            np.sign(mirror.gain) for mirror in (self.at.laser.up_down, self.at.laser.left_right)
-        )
-        up, left = np.array([up_down, 0]), np.array([0, left_right])
+    def ways(self) -> dict[str, IntArray]:
+        """Direction of each arrow in steps, as seen from the instrument."""
+        up, left = np.diag(self.at.laser.ways)
         return {"up": up, "down": -up, "left": left, "right": -left}
 
     def aim(self, mark: Mark, start: Steps) -> Steps | None:

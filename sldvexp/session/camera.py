@@ -11,11 +11,14 @@ from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, ExitStack
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from sldvexp.dataset import Finding
 from sldvexp.geometry import KnownPose
 from sldvexp.instrument import Acquisition, Instrument, RawSamples
 from sldvexp.instrument.bench import make_safe
 from sldvexp.instrument.person import GuideMaker
+from sldvexp.instrument.recording import line_name as line_name
 from sldvexp.laser import TwoMirror
 from sldvexp.scan import Sampling
 from sldvexp.session.journal import Journal, Measured
@@ -58,6 +61,8 @@ class Camera:
         Number of scan lines of the view.
     left : tuple of str and int, optional
         Where the view was left when it was scanned before, see `Journal.left`.
+    recorded : callable, optional
+        Gives the pixels of lines by their name, if they were recorded before.
     """
 
     def __init__(
@@ -69,7 +74,9 @@ class Camera:
         view: str = "",
         planned: int = 0,
         left: tuple[str, int] | None = None,
+        recorded: Callable[[str], list[IntArray]] | None = None,
     ) -> None:
+        self.recorded = recorded or (lambda name: [])
         self.signal = signal
         self.journal = journal
         self.kind = ""  # of the part that is scanned
@@ -149,6 +156,33 @@ class Camera:
         done = self.scanned(name, lines, in_part)
         samples = [line for line in done if isinstance(line, RawSamples)]
         return complex_pixels(self.signal, self.acquisition, samples)
+
+    def placed(
+        self, name: str, lines: Sequence[IntArray], within: float, lost: int = 0
+    ) -> Sequence[IntArray]:
+        """Put lines that follow from estimates where a recording has them.
+
+        Another estimator of signals places them some steps beside, where nothing was recorded.
+
+        Parameters
+        ----------
+        within : float, steps
+            By how much the box around them may differ.
+        lost : int
+            By how many lines the recording may have more or fewer.
+
+        Returns
+        -------
+        sequence of ndarray of int
+            Of the recording, and what it does not have any more; those given if there is none, or
+            it has other ones.
+        """
+        kept = self.recorded(name)
+        if kept and _alike(kept, lines, within, lost):
+            return kept
+        if kept and len(kept) < len(lines) and _alike(kept, lines[: len(kept)], within, 0):
+            return [*kept, *lines[len(kept) :]]
+        return lines
 
     @property
     def acquisition(self) -> Acquisition:
@@ -235,9 +269,19 @@ class Camera:
         return samples
 
 
-def line_name(name: str, place: int) -> str:
-    """Name a line in the journal by that of its lines and its place among them, from 0."""
-    return f"{name}_{place:03d}"
+def _alike(kept: Sequence[IntArray], lines: Sequence[IntArray], within: float, lost: int) -> bool:
+    """Tell whether recorded lines are those that are asked for, placed by other estimates.
+
+    There are as many of them but for those lost, of as many pixels but for one, and the boxes
+    around both end at the same steps within some.
+    """
+    if abs(len(kept) - len(lines)) > lost or abs(len(kept[0]) - len(lines[0])) > min(lost, 1):
+        return False
+    ends = [
+        np.concatenate([every.min(axis=0), every.max(axis=0)])
+        for every in (np.concatenate(kept), np.concatenate(lines))
+    ]
+    return bool(np.abs(ends[0] - ends[1]).max() <= within)
 
 
 @dataclass(frozen=True)

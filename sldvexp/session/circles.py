@@ -32,6 +32,7 @@ from sldvexp.scan.calibration import CalibrationScan, EdgeMethod
 from sldvexp.scan.lines import across, along_ellipse
 from sldvexp.session.camera import Camera, ViewContext, line_name
 from sldvexp.session.search import (
+    COARSE,
     STAND_ELSEWHERE,
     RoughCircle,
     corrected_by_circles,
@@ -42,8 +43,10 @@ from sldvexp.signal.instrument_faults import MOST, moving
 from sldvexp.targets import Circles
 from sldvexp.typing import IntArray
 
-#: Of both stages' lines in the journal, behind the number of the circle.
-COARSE, FINE = "coarse", "fine"
+#: Of fine lines in the journal, behind the number of the circle, as `COARSE` is.
+FINE = "fine"
+#: By how much lines may differ that another estimator places, over the length of one.
+SAME = 0.2
 PLACE = {
     EdgeMethod.pixel: pixel_edges,
     EdgeMethod.gradient: gradient_edges,
@@ -134,6 +137,7 @@ def _look(
     key = f"{number}_{COARSE}"
     stage = scan.coarse
     dac = _on_board(across(circle.centre, stage.lines, stage.pixels, stride), laser)
+    dac = _placed(camera, key, dac)
     image = camera.image(key, list(dac))
     look = CoarseScan(circle.name, f"{key}_*", image, finer, circle.shade)
     try:
@@ -153,7 +157,7 @@ def _edges(
     axes = (direction * length).T
     stage = scan.fine
     fine = along_ellipse(look.ellipse.centre, axes, stage.lines, stage.pixels, look.finer)
-    dac = _on_board(fine, laser)
+    dac = _placed(camera, key, _on_board(fine, laser))
     image = camera.image(key, list(dac))
     found = PLACE[scan.edge](_lines(image, dac, look.name), 1, scan.fine.window)
     try:
@@ -164,6 +168,12 @@ def _edges(
             raise UserError(f"{look.shade}; {STAND_ELSEWHERE} ({error})") from None
         raise
     return found
+
+
+def _placed(camera: Camera, key: str, dac: IntArray) -> IntArray:
+    """Put lines across a circle where a recording has them, if that is as good as the same."""
+    within = SAME * float(np.ptp(dac[0], axis=0).max())
+    return np.stack(camera.placed(key, list(dac), within))
 
 
 def _on_board(dac: IntArray, laser: TwoMirror) -> IntArray:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -51,7 +53,10 @@ def scan_image(scan: ImageScan, at: ViewContext) -> dict[str, xr.Dataset]:
     """
     at.camera.sample(scan.sampling)
     scan = scan.in_steps(at.laser, at.target, at.poses)
-    lines = scan.lines(at.view)
+    lines: Sequence[IntArray] = scan.lines(at.view)
+    if at.view in at.poses:  # circles have corrected the rough pose, by estimates
+        pitch = max(float(np.abs(np.diff(line, axis=0)).max(initial=0)) for line in lines)
+        lines = at.camera.placed(NAME, lines, within=pitch, lost=1)
     every = np.concatenate(lines)
     image: ComplexImage | ResponseImage
     if scan.sampling.broadband:
@@ -71,13 +76,13 @@ def scan_image(scan: ImageScan, at: ViewContext) -> dict[str, xr.Dataset]:
         group = response_to_dataset(image, dac, angle)
     else:
         group = image_to_dataset(image, dac, angle, scan.sampling.frequency)
-    if (shape := scan.shape(at.view)) and len(dac) == len(every):
-        group.attrs["shape"] = list(shape)
+    if scan.shape(at.view) and len(dac) == len(every):
+        group.attrs["shape"] = [len(lines), len(lines[0])]
     return {f"image/{at.view}": group}
 
 
 def _responses(
-    at: ViewContext, lines: list[IntArray], every: IntArray, spare: float
+    at: ViewContext, lines: Sequence[IntArray], every: IntArray, spare: float
 ) -> ResponseImage:
     """Average the records of all pixels, then those of the worst once more."""
     camera = at.camera

@@ -25,6 +25,7 @@ from sldvexp.session.circles import (
     MANY,
     MILLI,
     PLACE,
+    SAME,
     edges_to_dataset,
     require_instrument,
 )
@@ -111,6 +112,8 @@ def _edges(
     dac = laid(point, outward, stage.pixels, coarse if key == COARSE else fine)
     low, high = at.laser.board.value
     dac = dac[np.all((dac >= low) & (dac <= high), axis=(1, 2))]
+    within = SAME * float(np.ptp(dac[0], axis=0).max()) if len(dac) else 0.0
+    dac = np.array(at.camera.placed(f"{NAME}_{key}", list(dac), within, lost=len(dac)))
     image = at.camera.image(f"{NAME}_{key}", list(dac))
     lines = outline_scan_lines(image, dac, name)
     place = gradient_edges if key == COARSE else PLACE[scan.edge]

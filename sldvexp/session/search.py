@@ -29,6 +29,8 @@ from sldvexp.targets import Circles, shaded_circles
 from sldvexp.targets.shadows import shade_told
 from sldvexp.typing import Array, BoolArray, IntArray
 
+#: Of coarse lines across a circle in the journal, behind the number of the circle.
+COARSE = "coarse"
 #: Distance of pixels over the half width of the circle as seen.
 PITCH = 0.5
 #: Pixels that a moving spot has, over those of the circle as seen.
@@ -126,6 +128,8 @@ def search_circles(scan: CalibrationScan, at: ViewContext) -> list[RoughCircle]:
         If a circle is not found as near to where it is predicted as ``scan.margin`` says.
     """
     search = CircleSearch(scan, at)
+    if len(known := search.recorded()):
+        return search.described(known)
     found = search.complete(np.zeros((0, 2)))
     if found is None:
         raise UserError(search.complaint())
@@ -166,6 +170,17 @@ class CircleSearch:
         if self._lost is None or k > self._lost[0]:
             self._lost = k, circle
         return None
+
+    def recorded(self) -> Array:
+        """Find where a recording has the circles' coarse lines, shape (circle, 2), steps.
+
+        They go through the rough centres, which another estimator of signals may find elsewhere;
+        none if something is measured, or a line is lost.
+        """
+        lines = [self.at.camera.recorded(f"{k}_{COARSE}") for k in range(1, len(self.numbers) + 1)]
+        if not all(lines):
+            return np.zeros((0, 2))
+        return np.array([own[0][len(own[0]) // 2] for own in lines], float)
 
     def described(self, found: Array) -> list[RoughCircle]:
         """Say of circles that are found how wide they are seen, and which others hide them."""

@@ -94,7 +94,8 @@ def scan_views(
         arrive = partial(_arrive, e, view.name, operator, journal / view.name)
         kept = Journal(journal / view.name, lasting=e.instrument.real)
         plan = (watcher, view.name, view.lines, kept.left or e.instrument.left(view.name))
-        with Camera(arrive, e.signal, kept, *plan) as camera:
+        recorded = partial(e.instrument.recorded, view.name)
+        with Camera(arrive, e.signal, kept, *plan, recorded) as camera:
             at = ViewContext(view.name, camera, e.laser, e.target, operator, guide=guide)
             groups = _scan_parts(e.scan.parts(view.name), at)
         told += at.findings

@@ -59,7 +59,10 @@ def test_all_views_are_told_with_circles_and_corners(sldvexp):
     for number in (1, 2, 3, 4):
         assert f"  circle {number} (" in front
         assert f"  circle {number} (" in left
-    assert "  corner 3 (600.00, 200.00, 0.00) mm: dac 469 -" in front
+    assert "  corners_at, point 3 (600.00, 200.00, 0.00) mm: dac 469 -" in front
+    lower_left, upper_right = (numbers(front, f"corner {k} dac # #") for k in (1, 3))
+    assert lower_left[0] < upper_right[0]
+    assert lower_left[1] > upper_right[1]  # steps grow to the left
     assert "corner" not in left
     assert "  surface of the volume from (" in front
 

@@ -151,6 +151,12 @@ def test_three_circles_tell_where_the_fourth_and_the_corners_lie(bench, do, seen
     seen_then = bench.experiment.scan.structure.views["1"].corners
     for limit in (np.min, np.max):
         np.testing.assert_allclose(limit(corners, axis=0), limit(seen_then, axis=0), atol=60)
+    # As seen: lower left, lower right, upper right, upper left; steps grow upwards and to the left.
+    (first, second, third, fourth), middle = corners, corners.mean(axis=0)
+    assert (first > middle).tolist() == [False, True]
+    assert (second > middle).tolist() == [False, False]
+    assert (third > middle).tolist() == [True, False]
+    assert (fourth > middle).tolist() == [True, True]
     assert len(marks["outlines"]) == 5
     do("move", to=(true[3] + [90, 0]).tolist())
     do("mark", kind="circle", number=4)

@@ -7,19 +7,23 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from sldvexp.cli.aim import PosedView, Surroundings, known_lines
 from sldvexp.console.bench import AimingBench
 from sldvexp.console.board import NoticeBoard
 from sldvexp.console.marks import CIRCLE
 from sldvexp.console.outlook import Outlook, _metres, circle_rims
 from sldvexp.console.scanning import Asked, Scanning
 from sldvexp.geometry import KnownPose
+from sldvexp.laser import dac_of_points
 from sldvexp.scan.rectangle import ScanRegion
 from sldvexp.scan.session import Session
 from sldvexp.session.session import scan_views
+from sldvexp.units import LengthUnit
 from sldvexp.virtual_lab.console import experiment
 from sldvexp.virtual_lab.lab import VirtualLab
 from tests.console.test_bench import Seen
 
+M = LengthUnit.m
 CORNERS = [[0.34, -0.02, 0], [0.62, -0.02, 0], [0.62, 0.2, 0], [0.34, 0.2, 0]]
 
 
@@ -138,6 +142,24 @@ def test_region_is_that_which_the_scan_has_of_its_own(bench, rough, seen):
     in_steps = rough.scan.in_steps(rough.laser, rough.target)
     wanted = np.array(in_steps.parts("1")[1].views["1"].corners)
     np.testing.assert_allclose([found["corner", k] for k in (1, 2, 3, 4)], wanted, atol=1)
+
+
+@pytest.mark.parametrize("first", [0, 2])
+@pytest.mark.parametrize("turn", [1, -1], ids=["as_read", "other_way_round"])
+def test_corners_have_one_number_here_and_where_points_are_aimed_at(rough, first, turn):
+    corners = np.roll(CORNERS, -first, axis=0)[::turn].tolist()
+    structure = replace(rough.scan.structure, corners_at=corners)
+    e = replace(rough, scan=replace(rough.scan, structure=structure))
+    predicted = Outlook(e, {"corner": [1, 2, 3, 4]}).of({}, "1").predicted
+    pose = e.scan.poses["1"]
+    aimed = PosedView("1", pose.rotation, pose.place, "as it is said")
+    told = list(known_lines(aimed, Surroundings(e.laser, None, e.scan, np.zeros((0, 3, 3))), M))
+    box = next(line for line in told if "box that is scanned" in line)
+    for k, corner in enumerate(corners, 1):
+        own = dac_of_points(np.array([corner]), pose.rotation, pose.place, e.laser, ["it"])[0]
+        assert f"corner {k} ({corner[0]:.5f}, {corner[1]:.5f}, " in told[k - 1]
+        assert np.abs(own - predicted["corner", k]).max() < 60  # of 700 and more between corners
+        assert "corner {} dac {} {}".format(k, *predicted["corner", k]) in box
 
 
 def test_region_of_a_view_of_its_own_goes_before_that_of_all(rough):

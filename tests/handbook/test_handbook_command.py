@@ -67,6 +67,37 @@ def test_word_is_found_in_sections(sldvexp):
     assert "Points: Section 5.2; Fields: Table 5.7" in done.out
 
 
+#: Words that users look for, and the page that tells most of each.
+LOOKED_FOR = {
+    "hum": "response_functions",
+    "dropout": "verdict",
+    "leakage": "glossary",
+    "mains": "response_functions",
+    "mirror": "conventions",
+    "jitter": "glossary",
+    "speckle": "planning",
+    "hysteresis": "poses",
+    "saturated": "glossary",
+    "drift": "verdict",
+    "occlusion": "glossary",
+    "drop-outs": "verdict",
+}
+
+
+@pytest.mark.parametrize("word", LOOKED_FOR)
+def test_words_are_found_within_pages_best_first(sldvexp, word):
+    done = sldvexp("handbook", word)
+    assert (done.status, done.err) == (0, "")
+    first, *_ = (line.split() for line in done.out.splitlines() if line.startswith("  "))
+    assert first[0] == LOOKED_FOR[word]
+
+
+def test_words_within_others_do_not_count_where_there_is_the_word_itself(sldvexp):
+    assert "remains" in (HANDBOOK / "glossary.md").read_text(encoding="utf-8")
+    assert "  glossary" not in sldvexp("handbook", "mains").out
+    assert "  own_files" in sldvexp("handbook", "igitize").out  # of which nothing is known else
+
+
 @pytest.mark.one_in(2)
 @pytest.mark.parametrize("arguments", [[], TOPICS[:1]])
 def test_command_loads_neither_numpy_nor_other_heavy_libraries(loaded_by, arguments):

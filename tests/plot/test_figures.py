@@ -8,7 +8,9 @@ import re
 import matplotlib
 import numpy as np
 import pytest
+import xarray as xr
 from matplotlib.figure import Figure
+from omegaconf import OmegaConf
 
 import sldvexp.plot
 from sldvexp import dataset
@@ -180,6 +182,72 @@ def test_pixels_of_an_uneven_grid_are_where_they_are(tree):
     dac = group["dac"].values.reshape(9, 11, 2)
     np.testing.assert_allclose(middles[:, 5:-1], dac[:, 5:-1, ::-1], atol=1)
     assert not np.allclose(middles[:, 3, 0], dac[:, 2:5:2, 1].mean(axis=1), atol=2)
+
+
+def test_the_name_of_a_common_axis_is_below_its_numbers(figures):
+    """That of left-right lies below the last view, whose numbers it must leave free."""
+    figure = figures["images"]
+    (name,) = (t for t in figure.texts if t.get_text().startswith("left-right"))
+    top = name.get_window_extent().y1
+    for axes in figure.axes[8:12]:
+        numbers = [t.get_window_extent() for t in axes.get_xticklabels() if t.get_text()]
+        assert min(box.y0 for box in numbers) - top > 1.0
+
+
+AS_SEEN = ("images", "phase_correction", "edges", "conics", "bitangents", "volume")
+
+
+def rightwards(axes, steps):
+    """How far to the right and up, pixels, a panel has places of (left-right, up-down)."""
+    places = axes.transData.transform(steps)
+    return places - places[0]
+
+
+@pytest.mark.parametrize("name", AS_SEEN)
+def test_views_are_as_one_sees_them_at_the_instrument(figures, name):
+    panels = [a for a in figures[name].axes if a.get_aspect() != "auto" and a.name != "3d"]
+    assert panels
+    for axes in panels:  # the mirrors' angles, and their steps, grow to the left and upwards
+        _, more_left, higher = rightwards(axes, [(0, 0), (1, 0), (0, 1)])
+        assert more_left[0] < 0 < higher[1]
+
+
+def test_mirrors_that_turn_the_other_way_leave_what_is_seen(tree, figures):
+    """The same object by mirrors of negative gains: other steps, the same picture."""
+    groups = {n.path.strip("/"): n.to_dataset().copy(deep=True) for n in tree.subtree if n.has_data}
+    config = OmegaConf.create(str(tree.attrs["config"]))
+    for mirror in ("up_down", "left_right"):
+        config.laser[mirror].gain *= -1
+    edge = groups["edge/1"]
+    edge["dac"] = -edge["dac"]
+    attributes = {**tree.attrs, "config": OmegaConf.to_yaml(config)}
+    turned = xr.DataTree.from_dict({**groups, "/": xr.Dataset(attrs=attributes)})
+    own, other = figures["edges"], sldvexp.plot.edges(turned)
+    other.draw_without_rendering()
+    seen = [
+        rightwards(f.axes[0], np.concatenate([line.get_xydata() for line in f.axes[0].get_lines()]))
+        for f in (own, other)
+    ]
+    np.testing.assert_allclose(seen[1], seen[0], atol=1.0)
+
+
+def test_circles_have_the_numbers_of_the_calibration_object(tree):
+    """A session whose rough centres were given in another order is told of by the same numbers."""
+    groups = {n.path.strip("/"): n.to_dataset().copy(deep=True) for n in tree.subtree if n.has_data}
+    whole = {**groups, "/": xr.Dataset(attrs=tree.attrs)}
+    wanted = sldvexp.plot.edges(xr.DataTree.from_dict(whole), view="1").axes[0].get_lines()
+    order = {1: 3, 2: 1, 3: 4, 4: 2}
+    edge = groups["edge/1"]
+    edge["circle"][:] = [order[int(k)] for k in edge["circle"].values]
+    pose = groups["pose"]
+    pose["rough_centre"].loc[{"view": "1"}] = [
+        order[int(k)] for k in pose["rough_centre"].sel(view="1").values
+    ]
+    shuffled = xr.DataTree.from_dict({**groups, "/": xr.Dataset(attrs=tree.attrs)})
+    found = sldvexp.plot.edges(shuffled, view="1").axes[0].get_lines()
+    for own, other in zip(wanted, found, strict=True):
+        assert own.get_label() == other.get_label()
+        np.testing.assert_array_equal(own.get_xydata(), other.get_xydata())
 
 
 @pytest.mark.one_in(2)

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
+from sldvexp.dataset import group
 from sldvexp.report import number, with_bound
+from sldvexp.report.tables import hot_spot_table, strain_table
 
 
 @pytest.mark.parametrize(
@@ -27,3 +30,28 @@ def test_numbers():
     assert number(float("nan")) == "-"
     assert number(-0.0726 - 0.0288j) == "-0.0726-0.0288i"
     assert number(5.3002e-05, 5) == "5.3002e-05"
+
+
+def test_rounding_is_told_as_nothing_in_tables_of_strain():
+    strain = group(
+        "strain",
+        {"strain_component": ["ss", "tt", "st"]},
+        strain=[[4e-6, 1e-6, 1.388e-20]],
+        confidence=[[1e-7, 1e-7, 1e-7]],
+        principal_strain=[[4e-6, 1e-6]],
+        principal_confidence=[[1e-7, 1e-7]],
+        principal_direction=[30.000000012],
+        principal_direction_std=[1e-9],
+        position=[[0.42, 1.388e-17, -0.0]],
+        coordinate=[[-1.388e-17, 0.105]],
+        triangle=[[0, 0, 0]],
+    )
+    spots = [next(iter(column.cells)) for column in hot_spot_table(strain, [np.nan]).columns]
+    assert spots[2:4] == ["420, 0, 0", "0, 105"]
+    assert spots[-1] == "30.00 ± 0.01"
+    sizes = strain_table(strain, [np.nan]).columns[2]
+    assert list(sizes.cells) == ["4", "1", "0"]
+
+
+def test_no_zero_has_a_sign():
+    assert with_bound(-0.0004, 0.19) == "0.00 ± 0.19"

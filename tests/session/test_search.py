@@ -10,13 +10,14 @@ import pytest
 
 from sldvexp.errors import UserError
 from sldvexp.geometry import KnownPose, euler_from_rotation, rotation_from_vector
-from sldvexp.instrument import Replay
+from sldvexp.instrument import InstrumentError, Replay
 from sldvexp.instrument.recording import JOURNAL
 from sldvexp.laser import dac_of_points
 from sldvexp.scan.calibration import Centres
 from sldvexp.session.operator import Operator
 from sldvexp.session.search import PredictedCircle, spots_of
 from sldvexp.session.session import scan_views
+from sldvexp.signal.pixel_quality import Intercept
 from sldvexp.targets import Plane
 from sldvexp.units import LengthUnit
 
@@ -147,6 +148,47 @@ def test_a_search_that_was_cut_off_or_is_replayed_comes_out_the_same(composed, t
     for name, group in found.items():
         assert group.identical(again[name]), name
         assert group.identical(other[name]), name
+
+
+#: Another estimate of the same samples, which puts the fine lines and the region steps beside.
+OTHER = {"harmonics": 3, "refine": True, "intercept": Intercept.never}
+
+
+def test_a_recording_is_processed_by_another_estimator_where_its_lines_are(composed, tmp_path):
+    e = session(composed, 1.0, 20.0)
+    found = scan_views(e, tmp_path / JOURNAL)
+    signal = replace(e.signal, **OTHER)
+    other = replace(e, signal=signal, instrument=Replay(str(tmp_path)), scene=None)
+    again = scan_views(other, tmp_path / "other")
+    assert list(again) == list(found)
+    for name, group in found.items():
+        if name.startswith("image"):
+            np.testing.assert_array_equal(again[name]["dac"], group["dac"])
+            assert np.abs(again[name]["velocity"] - group["velocity"]).max() > 0
+        else:  # of the same lines other edges
+            away = centres_of(again[name]) - centres_of(group)
+            assert 0 < np.abs(away).max() < 2
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [
+        {"fine": {"lines": 9}},
+        {"fine": {"stride": 2}},
+        {"fine": {"pixels": 27}},
+        {"coarse": {"stride": 4}},
+    ],
+    ids=lambda c: "-".join([*c, *next(iter(c.values()))]),
+)
+def test_a_recording_is_not_taken_for_one_of_other_lines(composed, tmp_path, changed):
+    e = session(composed, 1.0, 20.0)
+    scan_views(e, tmp_path / JOURNAL)
+    scan = e.scan.calibration
+    for name, values in changed.items():
+        scan = replace(scan, **{name: replace(getattr(scan, name), **values)})
+    e = replace(e, scan=replace(e.scan, calibration=scan))
+    with pytest.raises(InstrumentError, match="a recording can only be scanned as it was"):
+        scan_views(replace(e, instrument=Replay(str(tmp_path)), scene=None), tmp_path / "other")
 
 
 @pytest.mark.long
