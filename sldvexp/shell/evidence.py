@@ -42,8 +42,6 @@ from sldvexp.typing import Array, IndexArray
 NEGLIGIBLE = 1e-3
 #: Relative eigenvalue of a penalty that counts as zero.
 NULL = 1e-9
-#: Functionals that are evaluated together.
-TOGETHER = 4096
 #: Standard errors of an energy beyond which data reject a signal, one-sided at 5 %.
 REJECTED = 1.645
 
@@ -116,6 +114,17 @@ class Level:
         """Compute a and g of functionals or right sides, (coefficient, any)."""
         of_inner = _solve(self.lower, columns[self.inner])
         return of_inner, self.whitener @ (columns[self.outer] - self.coupling.T @ of_inner)
+
+    @cached_property
+    def inverse(self) -> tuple[Array, Array]:
+        """Parts of ``H^-1``, that of b alone and the rows of the rest, ``T' diag(scale) T``."""
+        size = len(self.inner) + len(self.outer)
+        root = _solve(self.lower, np.eye(len(self.inner)))
+        of_inner, rows = np.zeros((size, size)), np.zeros((len(self.outer), size))
+        of_inner[np.ix_(self.inner, self.inner)] = root.T @ root
+        rows[:, self.outer] = self.whitener
+        rows[:, self.inner] = -self.whitener @ (self.coupling.T @ root)
+        return of_inner, rows
 
     def whitened_twice(self, matrix: Array, scale: Array) -> Array:
         """Compute ``T M T'`` of a symmetric matrix, with ``T'T = H^-1``, b before m."""
@@ -313,19 +322,43 @@ class WeightedFit:
                 over[k] += share * max(most, 0.0) / alone
         return over
 
-    def by_block(self, rows: Array) -> Array:
-        """Split the variance of functionals of the last column, shape (functional, 2)."""
-        found = np.zeros((len(rows), 2))
+    def by_block(self) -> tuple[Array, Array]:
+        """Split the covariance of the last column by the blocks b and m, given b."""
+        size = len(self.reduced)
+        own, others = np.zeros((2, size, size))
         for level, scale, share in self._of_last():
-            own, others = level.whitened(rows.T)
-            found += share * np.stack([(own**2).sum(axis=0), scale @ others**2], axis=1)
-        return found
+            of_inner, rows = level.inverse
+            own += share * of_inner
+            others += rows.T @ (share * scale[:, None] * rows)
+        return own, others
 
     def _of_last(self) -> Iterator[tuple[Level, Array, float]]:
         """Give the weights that count for the last column, and their shares."""
         for level, share in zip(self.levels, self.share, strict=True):
             for k in np.flatnonzero(share[:, -1]):
                 yield level, level.scale[:, k], float(share[k, -1])
+
+    def covariance(self, column: int) -> Array:
+        """Compute the covariance of a column's coefficients: all variances are made of it.
+
+        It is that of the mixture, ``sum share (H^-1 + (theta - mean) (theta - mean)')``.
+        """
+        mean, found = self._mean[:, [column]], np.zeros((len(self.reduced),) * 2)
+        for level, (of_data, to_data), share in zip(
+            self.levels, self._whitened, self.share, strict=True
+        ):
+            used = share[:, column] > 0
+            if not used.any():
+                continue  # not of the part that was kept
+            own, scale = share[used, column], level.scale[:, used]
+            of_inner, rows = level.inverse
+            found += own.sum() * of_inner
+            scaled = np.sqrt(scale @ own)[:, None] * rows
+            found += scaled.T @ scaled
+            inner = np.broadcast_to(of_data[:, [column]], (len(of_data), len(own)))
+            apart = level.coefficients(inner, scale * to_data[:, [column]]) - mean
+            found += (own * apart) @ apart.T
+        return found
 
     def evaluate(self, rows: Array) -> tuple[Array, Array]:
         """Compute mean and variance of linear functionals, shape (functional, column) each.
@@ -334,27 +367,9 @@ class WeightedFit:
         ----------
         rows : ndarray, shape (functional, coefficient)
         """
-        blocks = [self._evaluate(rows[k : k + TOGETHER]) for k in range(0, len(rows), TOGETHER)]
-        mean, variance = zip(*blocks, strict=True)
-        return np.concatenate(mean), np.concatenate(variance)
-
-    def _evaluate(self, rows: Array) -> tuple[Array, Array]:
-        """Compute mean and variance of some functionals."""
-        mean = rows @ self._mean
-        spread = np.zeros_like(mean)
-        for level, (of_data, to_data), of_level in zip(
-            self.levels, self._whitened, self.share, strict=True
-        ):
-            if not of_level.any():
-                continue  # not of the part that was kept
-            own, others = level.whitened(rows.T)
-            fixed, least = own.T @ of_data, (own**2).sum(axis=0)[:, None]
-            for scale, share in zip(level.scale.T, of_level, strict=True):
-                if share.any():
-                    here = fixed + others.T @ (scale[:, None] * to_data)
-                    variance = least + (scale @ others**2)[:, None]
-                    spread += share * (variance + (here - mean) ** 2)
-        return mean, spread
+        columns = range(self.reduced.shape[1])
+        variance = [np.einsum("fi,fi->f", rows @ self.covariance(c), rows) for c in columns]
+        return rows @ self._mean, np.stack(variance, axis=-1)
 
 
 def _shares(density: Array) -> Array:

@@ -22,6 +22,7 @@ from sldvexp.lazy import scipy
 from sldvexp.shell.calibration import CalibrationError
 from sldvexp.shell.columns import SignalColumns
 from sldvexp.shell.evidence import WeightedFit
+from sldvexp.shell.functionals import Functionals, Rows
 from sldvexp.shell.linear_form import LinearForm
 from sldvexp.shell.love import ThinShell
 from sldvexp.shell.nuisances import ErrorEquations, Nuisances
@@ -45,6 +46,8 @@ SETTLED, REPEATED = 0.05, 4
 EXACT = 1e-9
 #: Fields of pointing errors with random signs; a standard error from them is right to 9 %.
 FIELDS = 64
+#: Columns of data whose covariances are in memory together.
+MATRICES = 16
 #: Pixels whose equations are in memory together.
 TOGETHER = 4096
 
@@ -236,14 +239,14 @@ class SurfaceFit:
         return replace(self, measured=measured, columns=self.columns.of_part(lines))
 
     def evaluate(
-        self, rows: Array, thicker: Array | None = None
+        self, rows: Array | Functionals, thicker: Array | Functionals | None = None
     ) -> tuple[ComplexArray, Array, Array]:
         """Compute values of linear functionals of the coefficients.
 
         Parameters
         ----------
-        rows : ndarray, shape (functional, coefficient)
-        thicker : ndarray, shape (functional, coefficient), optional
+        rows : ndarray, shape (functional, coefficient), or Functionals
+        thicker : ndarray, shape (functional, coefficient), or Functionals, optional
             Derivatives of the rows by the sheet's thickness, 1/m.
 
         Returns
@@ -259,7 +262,7 @@ class SurfaceFit:
         return values, own, np.asarray(sum(by_source.values()))
 
     def by_source(
-        self, rows: Array, thicker: Array | None = None
+        self, rows: Array | Functionals, thicker: Array | Functionals | None = None
     ) -> tuple[ComplexArray, dict[str, Array]]:
         """Do what `evaluate` does, with variances by their source as in the budget.
 
@@ -267,40 +270,90 @@ class SurfaceFit:
         may have been overlooked as noise.
         """
         bounding = self.bounding or self
-        mean, _ = self._mean(rows, thicker)
-        other, gain = bounding._mean(rows, thicker)
-        _, variance = bounding.posterior.evaluate(rows)
-        values, own = self.columns.lines(mean, variance)
-
-        def squares(spread: Array) -> Array:
-            return self.columns.quadratic(np.einsum("fmc,fmd->fcd", spread, spread))
-
         goes_along, rest = bounding.nuisances.by_source(self.calibration)
-        # one shift of all columns together
-        noise = own + squares((other - mean)[:, None])
-        if self.overlooked is not None:
-            noise += self.columns.of_left_out(self.posterior.by_block(rows) @ self.overlooked)
-        found = {"noise": noise, "pose": squares(np.einsum("fec,em->fmc", gain, rest))}
+        factors = {"pose": rest} | ({"calibration": goes_along} if goes_along.size else {})
+        solved = np.stack(bounding.solved, axis=1)
+        changes = {name: -solved @ factor for name, factor in factors.items()}
         if self.pointed:
-            found["pointing"] = squares(np.stack([rows @ p for p in self.pointed], axis=-1))
-        if goes_along.shape[1]:
-            found["calibration"] = squares(np.einsum("fec,em->fmc", gain, goes_along))
-        return values, found
+            changes["pointing"] = np.stack(self.pointed, axis=1)
+        found, variance = self._evaluated(
+            _functionals(rows), [self.coefficients, bounding.coefficients, *changes.values()]
+        )
+        mean, other, spread = found[0], found[1], dict(zip(changes, found[2:], strict=True))
+        if thicker is not None:
+            both = np.hstack([self.posterior.mean(), bounding.posterior.mean()])
+            of_both, _ = _functionals(thicker).evaluate(both, [])
+            own, of_bounding = np.split(of_both, 2, axis=1)
+            mean, other = mean + own * self.error[-1], other + of_bounding * bounding.error[-1]
+            for name, factor in factors.items():
+                spread[name] = spread[name] + of_bounding[:, :, None] * factor[-1]
+        columns = mean.shape[1]
+        values, noise = self.columns.lines(mean, variance[:, :columns])
+        # one shift of all columns together
+        noise += self._squares((other - mean)[:, :, None])
+        if self.overlooked is not None:
+            noise += self.columns.of_left_out(variance[:, columns])
+        return values, {"noise": noise} | {name: self._squares(of) for name, of in spread.items()}
 
-    def _mean(self, rows: Array, thicker: Array | None) -> tuple[Array, Array]:
-        """Evaluate every reduced column with the errors as they were found.
+    def _evaluated(
+        self, functionals: Functionals, parts: Sequence[Array]
+    ) -> tuple[list[Array], Array]:
+        """Compute functionals of columns of coefficients, and their variances.
+
+        Parameters
+        ----------
+        parts : sequence of ndarray, shape (coefficient, ...) each
 
         Returns
         -------
-        mean : ndarray, shape (functional, column)
-        gain : ndarray, shape (functional, error, column)
-            Change of it by the errors.
+        list of ndarray, shape (functional, ...) each
+        ndarray, shape (functional, column + 1)
+            Of every reduced column, and last of what no column holds if that is known.
         """
-        gain = -np.stack([rows @ s for s in self.solved], axis=-1)
-        if thicker is not None:
-            gain[:, -1] += thicker @ self.posterior.mean()
-        found = np.einsum("fec,e->fc", gain, self.nuisances.mean - self.at)
-        return rows @ self.posterior.mean() + found, gain
+        columns = np.hstack([part.reshape(len(part), -1) for part in parts])
+        ends = np.cumsum([part[0].size for part in parts])[:-1]
+        count, products, squares = len(self.solved), [], []
+        for begin in range(0, count, MATRICES):
+            end = min(begin + MATRICES, count)
+            product, square = functionals.evaluate(
+                columns if begin == 0 else columns[:, :0], self._covariances(begin, end)
+            )
+            products.append(product)
+            squares.append(square)
+        split = np.split(products[0], ends, axis=1)
+        found = [
+            one.reshape(len(one), *part.shape[1:]) for one, part in zip(split, parts, strict=True)
+        ]
+        return found, np.maximum(np.hstack(squares), 0.0)
+
+    def _covariances(self, begin: int, end: int) -> list[Array]:
+        """Make covariances of the coefficients of some columns, and what is left out after all."""
+        posterior = (self.bounding or self).posterior
+        found = [posterior.covariance(column) for column in range(begin, end)]
+        if self.overlooked is not None and end == len(self.solved):
+            own, others = self.posterior.by_block()
+            found.append(self.overlooked[0] * own + self.overlooked[1] * others)
+        return found
+
+    def _squares(self, spread: Array) -> Array:
+        """Compute variances of both parts from changes of the reduced columns.
+
+        Parameters
+        ----------
+        spread : ndarray, shape (functional, column, change)
+        """
+        return self.columns.quadratic(spread @ spread.swapaxes(1, 2))
+
+    @property
+    def error(self) -> Array:
+        """Errors as they were found, less those that the equations are taken at."""
+        return self.nuisances.mean - self.at
+
+    @cached_property
+    def coefficients(self) -> Array:
+        """Means of every reduced column with the errors as they were found."""
+        by_error = np.stack([of @ self.error for of in self.solved], axis=1)
+        return self.posterior.mean() - by_error
 
 
 def fit(
@@ -350,6 +403,10 @@ def fit(
         found, of_errors = equations.at(moved)
     found = replace(equations.bounded(found, of_errors), overlooked=equations.overlooked(found))
     return replace(found, pointed=equations.pointed(found))
+
+
+def _functionals(rows: Array | Functionals) -> Functionals:
+    return rows if isinstance(rows, Functionals) else Rows(rows)
 
 
 @dataclass(frozen=True, eq=False)
