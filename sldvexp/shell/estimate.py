@@ -34,12 +34,13 @@ from sldvexp.shell.linear_form import LinearForm, summed
 from sldvexp.shell.love import STRAINS, ThinShell
 from sldvexp.shell.material import Isotropic
 from sldvexp.shell.method import GivenSurface, PoseTreatment, SurfaceReconstruction
+from sldvexp.shell.nuisances import PriorErrors
 from sldvexp.shell.outline import Outline
 from sldvexp.shell.principal import PRINCIPAL
 from sldvexp.shell.refusals import require_no_crossing
 from sldvexp.shell.shell import Shell
 from sldvexp.shell.splines import TensorSplines
-from sldvexp.shell.surface_fit import TYPICAL, PriorErrors, SurfaceFit, fit
+from sldvexp.shell.surface_fit import TYPICAL, SurfaceFit, fit
 from sldvexp.shell.surface_strain import SurfaceStrain
 from sldvexp.statistics import student_factor
 from sldvexp.typing import Array, BoolArray, ComplexArray, IndexArray

@@ -15,17 +15,39 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
+from sldvexp.shell.around_holes import HoleFunctions
 from sldvexp.shell.linear_form import LinearForm, Term
-from sldvexp.shell.love import ThinShell
 from sldvexp.shell.splines import TensorSplines
 from sldvexp.typing import Array, IndexArray, IntArray
 
 #: Columns of coefficients that places have their own in memory of.
 COLUMNS = 8
+
+
+class _Following(Protocol):
+    """How u0 and v0 follow w: T, shape (2, function, function)."""
+
+    @property
+    def following(self) -> Array: ...
+
+
+class SplinedShell(Protocol):
+    """Splines and functions around holes that the fields of a shell are made of."""
+
+    @property
+    def bending(self) -> TensorSplines: ...
+    @property
+    def membrane(self) -> TensorSplines: ...
+    @property
+    def around_holes(self) -> HoleFunctions: ...
+    @property
+    def stretch(self) -> _Following | None: ...
+    @property
+    def coefficients(self) -> int: ...
 
 
 class _Block(NamedTuple):
@@ -57,11 +79,11 @@ class LocalRows:
 
     Attributes
     ----------
-    shell : ThinShell
+    shell : SplinedShell
     coordinates : ndarray, shape (place, 2), m
     """
 
-    shell: ThinShell
+    shell: SplinedShell
     coordinates: Array
 
     @cached_property
@@ -146,6 +168,37 @@ class LocalRows:
         splines = self._splines(of_w)
         return splines.along_s.degree + 1, splines.along_t.degree + 1
 
+    def gram(self, rows: Array) -> Array:
+        """Add up products of rows with one another over all places, ``sum_p a_p a_p'``.
+
+        Parameters
+        ----------
+        rows : ndarray, shape (place, own)
+
+        Returns
+        -------
+        ndarray, shape (coefficient, coefficient)
+        """
+        found = np.zeros((spread_count(self.shell),) * 2)
+        rows = rows[self.cells.order]
+        for some, own in self.cells.each:
+            found[own[:, None], own] += rows[some].T @ rows[some]
+        return put_together(self.shell, put_together(self.shell, found).T)
+
+    def crossed(self, rows: Array, columns: Array) -> Array:
+        """Add up products of rows with columns over all places, shape (coefficient, column).
+
+        Parameters
+        ----------
+        rows : ndarray, shape (place, own)
+        columns : ndarray, shape (place, column)
+        """
+        found = np.zeros((spread_count(self.shell), columns.shape[1]))
+        rows, columns = rows[self.cells.order], columns[self.cells.order]
+        for some, own in self.cells.each:
+            found[own] += rows[some].T @ columns[some]
+        return put_together(self.shell, found)
+
     def jets(self, terms: Sequence[Term]) -> Array:
         """Make the rows of derivatives of the fields, shape (place, term, own)."""
         parts = []
@@ -197,6 +250,16 @@ class LocalRows:
                 found[:, k] += self.shell.around_holes(self.coordinates, i, j) @ around
         return found
 
+    def of_forms(self, theta: Array, forms: Sequence[LinearForm]) -> Array:
+        """Compute forms of fields with known coefficients, shape (place, form, column)."""
+        terms = sorted({term for form in forms for term in form.terms})
+        jets = self.values(theta, terms)
+        found = np.zeros((len(self.coordinates), len(forms), theta.shape[1]))
+        for k, form in enumerate(forms):
+            for term, factor in form.terms.items():
+                found[:, k] += factor[:, None] * jets[:, terms.index(term)]
+        return found
+
     def _patches(self, spread: Array, block: _Block) -> Array:
         """Give every place the coefficients of its cell, (place, along s, along t and column)."""
         splines, columns = self._splines(block.of_w), spread.shape[1]
@@ -207,7 +270,7 @@ class LocalRows:
         return by_cell[self._along[block.of_w, 0][0], self._along[block.of_w, 1][0]]
 
 
-def blocks_of(shell: ThinShell) -> list[_Block]:
+def blocks_of(shell: SplinedShell) -> list[_Block]:
     """List the blocks of the coefficients E c, but for those around holes."""
     n, w = shell.membrane.count, shell.bending.count
     found = [_Block(0, False, 0), _Block(1, False, n), _Block(2, True, 2 * n)]
@@ -217,7 +280,7 @@ def blocks_of(shell: ThinShell) -> list[_Block]:
     return found
 
 
-def spread_out(shell: ThinShell, columns: Array) -> Array:
+def spread_out(shell: SplinedShell, columns: Array) -> Array:
     """Compute E of coefficients, (coefficient, any)."""
     if shell.stretch is None:
         return columns
@@ -226,7 +289,7 @@ def spread_out(shell: ThinShell, columns: Array) -> Array:
     )
 
 
-def put_together(shell: ThinShell, spread: Array) -> Array:
+def put_together(shell: SplinedShell, spread: Array) -> Array:
     """Compute E' of products with rows of E c, shape (coefficient, any)."""
     if shell.stretch is None:
         return spread
@@ -237,40 +300,12 @@ def put_together(shell: ThinShell, spread: Array) -> Array:
     return found
 
 
-def _splines_of_w(shell: ThinShell) -> slice:
+def _splines_of_w(shell: SplinedShell) -> slice:
     begin = 2 * shell.membrane.count
     return slice(begin, begin + shell.bending.count)
 
 
-def spread_count(shell: ThinShell) -> int:
+def spread_count(shell: SplinedShell) -> int:
     """Count the coefficients E c."""
     follow = 0 if shell.stretch is None else 2 * shell.bending.count
     return shell.coefficients + follow
-
-
-def products(
-    shell: ThinShell, cells: Cells, rows: Array, others: Array, normal: bool = True
-) -> tuple[Array, Array]:
-    """Add up products of local rows over all places: with one another, and with other columns.
-
-    Parameters
-    ----------
-    rows : ndarray, shape (place, own)
-    others : ndarray, shape (place, column)
-    normal : bool
-        Whether those with one another are wanted; else they are zero.
-
-    Returns
-    -------
-    ndarray, shape (coefficient, coefficient), and shape (coefficient, column)
-    """
-    size = spread_count(shell)
-    gram, crossed = np.zeros((size, size) if normal else (0, 0)), np.zeros((size, others.shape[1]))
-    rows, others = rows[cells.order], others[cells.order]
-    for some, own in cells.each:
-        if normal:
-            gram[own[:, None], own] += rows[some].T @ rows[some]
-        crossed[own] += rows[some].T @ others[some]
-    if normal:
-        gram = put_together(shell, put_together(shell, gram).T)
-    return gram, put_together(shell, crossed)

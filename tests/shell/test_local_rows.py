@@ -10,7 +10,7 @@ from sldvexp.shell import CylinderChart, RevolutionChart, TensorSplines, ThinShe
 from sldvexp.shell.around_holes import HoleFunctions
 from sldvexp.shell.functionals import Forms, Rows
 from sldvexp.shell.least_stretch import wall_stretch
-from sldvexp.shell.local_rows import LocalRows, products
+from sldvexp.shell.local_rows import LocalRows
 from sldvexp.shell.splines import Splines
 
 HIGH = np.array([0.15, 0.12])
@@ -79,7 +79,8 @@ def test_products_are_those_of_rows(made):
     rng, places, forms, rows = problem(shell, 1)
     others, local = rng.normal(size=(len(places), 3)), LocalRows(shell, places)
     for form, of in zip(forms, rows, strict=True):
-        normal, crossed = products(shell, local.cells, local.row(form), others)
+        row = local.row(form)
+        normal, crossed = local.gram(row), local.crossed(row, others)
         assert normal == pytest.approx(of.T @ of, abs=1e-12 * np.abs(of.T @ of).max())
         assert crossed == pytest.approx(of.T @ others, abs=1e-12 * np.abs(of.T @ others).max())
 
