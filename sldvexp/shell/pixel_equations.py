@@ -139,11 +139,12 @@ class PixelEquations:
 
     def crossed(self, columns: Iterable[Array]) -> Array:
         """Compute A' of columns, which are given some pixels at a time as `blocks` gives them."""
-        each, found = iter(columns), 0.0
+        each, found = iter(columns), np.zeros((0, 0))
         for own in self.joined:
             of_parts = np.concatenate([next(each) for _ in own.parts])
-            found = found + own.local.crossed(own.rows, of_parts)
-        return np.asarray(found)
+            own_part = own.local.crossed(own.rows, of_parts)
+            found = found + own_part if found.size else own_part
+        return found
 
     def of_errors(self, theta: Array) -> ErrorEquations:
         """Make the equations of the errors, with derivatives J of the whitened predictions.
