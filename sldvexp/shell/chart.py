@@ -53,7 +53,7 @@ class LocalForms:
 
     def along(self, height: float, step: Array) -> Array:
         """Reduce steps at a height to lengths on the surface, along t1 and t2, (point, 2, ...)."""
-        return np.asarray(np.einsum("pij,pj...->pi...", self.shrink(height), step))
+        return by_place(self.shrink(height), step)
 
     def at(self, height: float) -> LocalForms:
         """Find those of the surface at a height, whose local axes are the same."""
@@ -158,6 +158,13 @@ class Chart(ABC):
         return coordinates, cosine, (miss < MET) & (far > 0) & (side * cosine[:, 2] > 0)
 
 
+def by_place(matrix: Array, vectors: Array) -> Array:
+    """Multiply vectors at places by matrices, (place, i, j) times (place, j, ...)."""
+    if vectors.ndim == 2:
+        return np.asarray((matrix @ vectors[:, :, None])[..., 0])
+    return np.asarray(matrix @ vectors)
+
+
 def slide(frames: Array, move: Array, way: Array) -> Array:
     """Compute how the points where beams meet a surface move along it if the beams do.
 
@@ -175,7 +182,7 @@ def slide(frames: Array, move: Array, way: Array) -> Array:
     ndarray, shape (point, 2, ...), m
         Along t1 and t2.
     """
-    local = np.einsum("pij,pj...->pi...", frames, move)
+    local = by_place(frames, move)
     toward = np.einsum("pij,pj->pi", frames, way)
     slope = (toward[:, :2] / toward[:, 2:]).reshape(*toward[:, :2].shape, *(1,) * (move.ndim - 2))
     return np.asarray(local[:, :2] - slope * local[:, 2:])

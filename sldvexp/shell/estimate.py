@@ -28,17 +28,19 @@ from sldvexp.shell.around_holes import HoleFunctions
 from sldvexp.shell.beyond_rim import strangers
 from sldvexp.shell.calibration import CalibrationError, calibration_errors
 from sldvexp.shell.ended import without, without_resting_sides
+from sldvexp.shell.functionals import Forms
 from sldvexp.shell.least_stretch import wall_stretch
-from sldvexp.shell.linear_form import summed
+from sldvexp.shell.linear_form import LinearForm, summed
 from sldvexp.shell.love import STRAINS, ThinShell
 from sldvexp.shell.material import Isotropic
 from sldvexp.shell.method import GivenSurface, PoseTreatment, SurfaceReconstruction
+from sldvexp.shell.nuisances import PriorErrors
 from sldvexp.shell.outline import Outline
 from sldvexp.shell.principal import PRINCIPAL
 from sldvexp.shell.refusals import require_no_crossing
 from sldvexp.shell.shell import Shell
 from sldvexp.shell.splines import TensorSplines
-from sldvexp.shell.surface_fit import TYPICAL, PriorErrors, SurfaceFit, fit
+from sldvexp.shell.surface_fit import TYPICAL, SurfaceFit, fit
 from sldvexp.shell.surface_strain import SurfaceStrain
 from sldvexp.statistics import student_factor
 from sldvexp.typing import Array, BoolArray, ComplexArray, IndexArray
@@ -246,27 +248,31 @@ class SurfaceField:
         by_layer, z = place.reshape(layers, count, 2), height.reshape(layers, count)
         alike = np.abs(by_layer - by_layer[0]).max() < SAME * np.ptp(place)
         some = [0, layers // 2, layers - 1] if alike and layers > 3 else list(range(layers))
-        nodes = np.arange(self.prisms.nodes).reshape(layers, count)[some].ravel()
-        rows = self._velocity_rows(place[nodes], height[nodes], nodes, local)
+        nodes = np.arange(self.prisms.nodes)
+        if len(some) < layers:
+            nodes, each = nodes[:count], z[some]
+        else:
+            each = height[None]
+        forms = [form for h in each for form in self._velocity_forms(place[nodes], h, nodes, local)]
         thicker = None
         if self._hangs_from_face:
-            thicker = self._velocity_rows(place[nodes], None, nodes, local) / 2
+            by_height = self._velocity_forms(place[nodes], None, nodes, local)
+            thicker = Forms(self.fit.shell, place[nodes], [f * 0.5 for f in by_height] * len(each))
 
         def at_all(found: NDArray[Any]) -> NDArray[Any]:
-            own = np.moveaxis(found.reshape(*found.shape[:-2], 3, len(nodes), -1), -3, -2)
-            if len(some) == layers:
-                return own
-            own = own.reshape(*own.shape[:-3], len(some), count, *own.shape[-2:])
-            whole = np.einsum("lsn,...sncf->...lncf", _interpolating(z, z[some]), own)
-            return whole.reshape(*own.shape[:-4], -1, *own.shape[-2:])
+            own = found.reshape(*found.shape[:-2], len(each), 3, len(nodes), found.shape[-1])
+            own = np.moveaxis(own, -3, -2)
+            if len(each) > 1:
+                own = np.einsum("lsn,...sncf->...lncf", _interpolating(z, each), own)
+            return own.reshape(*own.shape[:-4], -1, *own.shape[-2:])
 
-        values, variance = self.fit.by_source(rows, thicker)
+        values, variance = self.fit.by_source(Forms(self.fit.shell, place[nodes], forms), thicker)
         return at_all(values), {name: at_all(found) for name, found in variance.items()}
 
-    def _velocity_rows(
+    def _velocity_forms(
         self, place: Array, height: Array | None, nodes: IndexArray, local: bool
-    ) -> Array:
-        """Make the rows of every component at nodes, one component after the other.
+    ) -> list[LinearForm]:
+        """Make the forms of every component at nodes.
 
         Without a height they are the derivatives by the height.
         """
@@ -278,8 +284,7 @@ class SurfaceField:
             turn = np.einsum("nai,nbi->nab", axes, frames)
         else:
             turn = np.swapaxes(frames, 1, 2)
-        turned = [summed([own[i] * turn[:, a, i] for i in range(3)]) for a in range(3)]
-        return np.concatenate(shell.rows(place, turned))
+        return [summed([own[i] * turn[:, a, i] for i in range(3)]) for a in range(3)]
 
     def _residual_squares(self) -> tuple[Array, Array]:
         """Add up squared residuals, (view, frequency), and compare them with the stated noise."""

@@ -29,9 +29,10 @@ All columns of data share these factors.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -40,12 +41,42 @@ from sldvexp.typing import Array, IndexArray
 
 #: Share of a weight in the average below which it is left out.
 NEGLIGIBLE = 1e-3
+#: Logarithm of a share that changes nothing, below which levels are not looked at.
+UNSEEN = 40.0
 #: Relative eigenvalue of a penalty that counts as zero.
 NULL = 1e-9
-#: Functionals that are evaluated together.
-TOGETHER = 4096
 #: Standard errors of an energy beyond which data reject a signal, one-sided at 5 %.
 REJECTED = 1.645
+
+
+class Blocks(NamedTuple):
+    """Parts of a precision, and the second penalty.
+
+    Attributes
+    ----------
+    inner, outer : ndarray of int
+        Coefficients of the blocks b and m.
+    of_inner, crossed, of_outer : ndarray
+        The precision within b, between b and m, and within m but for the second penalty.
+    penalty : ndarray, shape (outer, outer)
+        P_2.
+    """
+
+    inner: IndexArray
+    outer: IndexArray
+    of_inner: Array
+    crossed: Array
+    of_outer: Array
+    penalty: Array
+
+    @classmethod
+    def of(cls, precision: Array, penalty: Array) -> Blocks:
+        """Split a precision by what the second penalty is one of, (coefficient, coefficient)."""
+        of_second = penalty.any(axis=1)
+        inner, outer = np.flatnonzero(~of_second), np.flatnonzero(of_second)
+        of_inner, of_outer = (precision[np.ix_(own, own)] for own in (inner, outer))
+        crossed = precision[np.ix_(inner, outer)]
+        return cls(inner, outer, of_inner, crossed, of_outer, penalty[np.ix_(outer, outer)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,17 +108,13 @@ class Level:
     determinant: Array
 
     @classmethod
-    def of(
-        cls, precision: Array, penalty: Array, inner: IndexArray, outer: IndexArray, weights: Array
-    ) -> Level:
+    def of(cls, blocks: Blocks, weights: Array) -> Level:
         """Factorise.
 
         Parameters
         ----------
-        precision : ndarray, shape (coefficient, coefficient)
-            ``A'A + exp(lam_1) P_1``.
-        penalty : ndarray, shape (coefficient, coefficient)
-            P_2.
+        blocks : Blocks
+            Of ``A'A + exp(lam_1) P_1``.
         weights : ndarray, shape (weight,)
             ``exp(lam_2)``, in their order.
 
@@ -96,26 +123,37 @@ class Level:
         numpy.linalg.LinAlgError
             If round-off hides what data and priors say, at all weights.
         """
-        lower = _cholesky(precision[np.ix_(inner, inner)])
-        coupling = _solve(lower, precision[np.ix_(inner, outer)])
-        own = penalty[np.ix_(outer, outer)]
-        schur = precision[np.ix_(outer, outer)] - coupling.T @ coupling
-        root, first = _first_root(schur, own, weights)
+        lower = _cholesky(blocks.of_inner)
+        coupling = _solve(lower, blocks.crossed)
+        schur = blocks.of_outer - coupling.T @ coupling
+        root, first = _first_root(schur, blocks.penalty, weights)
         least = weights[first]
-        inverse = _solve(root, np.eye(len(outer)))
-        values, vectors = np.linalg.eigh(inverse @ own @ inverse.T)
+        inverse = _solve(root, np.eye(len(root)))
+        values, vectors = np.linalg.eigh(inverse @ blocks.penalty @ inverse.T)
         whole = 1 + np.maximum(weights - least, 0.0) * np.maximum(values, 0.0)[:, None]
         diagonal = np.r_[np.diag(lower), np.diag(root)]
         determinant = 2 * np.log(diagonal).sum() + np.log(whole).sum(axis=0)
         # At the first root that there is, round-off may be as large as the prior.
         determinant[: first + 1 if first else 0] = np.inf
         whitener = vectors.T @ inverse
+        inner, outer = blocks.inner, blocks.outer
         return cls(inner, outer, lower, coupling, whitener, 1 / whole, determinant)
 
     def whitened(self, columns: Array) -> tuple[Array, Array]:
         """Compute a and g of functionals or right sides, (coefficient, any)."""
         of_inner = _solve(self.lower, columns[self.inner])
         return of_inner, self.whitener @ (columns[self.outer] - self.coupling.T @ of_inner)
+
+    @cached_property
+    def inverse(self) -> tuple[Array, Array]:
+        """Parts of ``H^-1``, that of b alone and the rows of the rest, ``T' diag(scale) T``."""
+        size = len(self.inner) + len(self.outer)
+        root = _solve(self.lower, np.eye(len(self.inner)))
+        of_inner, rows = np.zeros((size, size)), np.zeros((len(self.outer), size))
+        of_inner[np.ix_(self.inner, self.inner)] = root.T @ root
+        rows[:, self.outer] = self.whitener
+        rows[:, self.inner] = -self.whitener @ (self.coupling.T @ root)
+        return of_inner, rows
 
     def whitened_twice(self, matrix: Array, scale: Array) -> Array:
         """Compute ``T M T'`` of a symmetric matrix, with ``T'T = H^-1``, b before m."""
@@ -198,31 +236,16 @@ class WeightedFit:
         numpy.linalg.LinAlgError
             If data and penalties together leave coefficients open, at all weights.
         """
-        (first, second), (own, other) = penalties, grids
-        of_second = second.any(axis=1)
-        inner, outer = np.flatnonzero(~of_second), np.flatnonzero(of_second)
-        (rank, log), (other_rank, other_log) = (_rank_and_log_determinant(p) for p in penalties)
-        # A step of lam_2 is one of tau / 2 in tau.
-        of_tau = -other / 2 - np.log1p(np.exp(-other) / typical**2)
-        levels, density = [], []
-        for lam in own:
-            precision = normal + np.exp(lam) * first
-            try:
-                level = Level.of(precision, second, inner, outer, np.exp(other))
-            except np.linalg.LinAlgError:
-                continue  # round-off of so strong a prior hides what the data say
-            of_inner, of_outer = level.whitened(reduced)
-            explained = (of_inner**2).sum(axis=0) + level.scale.T @ of_outer**2
-            prior = rank * lam + log + other_rank * other + other_log
-            twice = squares - explained + (level.determinant - prior)[:, None]
-            levels.append(level)
-            density.append(-twice / 2 + of_tau[:, None])
-        if not levels or np.max(density) == -np.inf:
+        found = _Likelihood.of(
+            normal, reduced, squares, penalties, grids, typical
+        ).levels_that_count()
+        density = [density for _, density in found]
+        if not found or np.max(density) == -np.inf:
             raise np.linalg.LinAlgError("the data and both priors leave coefficients open")
         share = _shares(np.array(density))
         used = np.flatnonzero(share.any(axis=(1, 2)))
-        levels, density = [levels[i] for i in used], [density[i] for i in used]
-        return cls(levels, reduced, [share[i] for i in used], density)
+        levels = [found[i][0] for i in used]
+        return cls(levels, reduced, [share[i] for i in used], [density[i] for i in used])
 
     def with_most(self, gained: Sequence[Array], part: float) -> WeightedFit:
         """Keep the combinations that let the second's coefficients be largest.
@@ -313,19 +336,43 @@ class WeightedFit:
                 over[k] += share * max(most, 0.0) / alone
         return over
 
-    def by_block(self, rows: Array) -> Array:
-        """Split the variance of functionals of the last column, shape (functional, 2)."""
-        found = np.zeros((len(rows), 2))
+    def by_block(self) -> tuple[Array, Array]:
+        """Split the covariance of the last column by the blocks b and m, given b."""
+        size = len(self.reduced)
+        own, others = np.zeros((2, size, size))
         for level, scale, share in self._of_last():
-            own, others = level.whitened(rows.T)
-            found += share * np.stack([(own**2).sum(axis=0), scale @ others**2], axis=1)
-        return found
+            of_inner, rows = level.inverse
+            own += share * of_inner
+            others += rows.T @ (share * scale[:, None] * rows)
+        return own, others
 
     def _of_last(self) -> Iterator[tuple[Level, Array, float]]:
         """Give the weights that count for the last column, and their shares."""
         for level, share in zip(self.levels, self.share, strict=True):
             for k in np.flatnonzero(share[:, -1]):
                 yield level, level.scale[:, k], float(share[k, -1])
+
+    def covariance(self, column: int) -> Array:
+        """Compute the covariance of a column's coefficients: all variances are made of it.
+
+        It is that of the mixture, ``sum share (H^-1 + (theta - mean) (theta - mean)')``.
+        """
+        mean, found = self._mean[:, [column]], np.zeros((len(self.reduced),) * 2)
+        for level, (of_data, to_data), share in zip(
+            self.levels, self._whitened, self.share, strict=True
+        ):
+            used = share[:, column] > 0
+            if not used.any():
+                continue  # not of the part that was kept
+            own, scale = share[used, column], level.scale[:, used]
+            of_inner, rows = level.inverse
+            found += own.sum() * of_inner
+            scaled = np.sqrt(scale @ own)[:, None] * rows
+            found += scaled.T @ scaled
+            inner = np.broadcast_to(of_data[:, [column]], (len(of_data), len(own)))
+            apart = level.coefficients(inner, scale * to_data[:, [column]]) - mean
+            found += (own * apart) @ apart.T
+        return found
 
     def evaluate(self, rows: Array) -> tuple[Array, Array]:
         """Compute mean and variance of linear functionals, shape (functional, column) each.
@@ -334,27 +381,117 @@ class WeightedFit:
         ----------
         rows : ndarray, shape (functional, coefficient)
         """
-        blocks = [self._evaluate(rows[k : k + TOGETHER]) for k in range(0, len(rows), TOGETHER)]
-        mean, variance = zip(*blocks, strict=True)
-        return np.concatenate(mean), np.concatenate(variance)
+        columns = range(self.reduced.shape[1])
+        variance = [np.einsum("fi,fi->f", rows @ self.covariance(c), rows) for c in columns]
+        return rows @ self._mean, np.stack(variance, axis=-1)
 
-    def _evaluate(self, rows: Array) -> tuple[Array, Array]:
-        """Compute mean and variance of some functionals."""
-        mean = rows @ self._mean
-        spread = np.zeros_like(mean)
-        for level, (of_data, to_data), of_level in zip(
-            self.levels, self._whitened, self.share, strict=True
-        ):
-            if not of_level.any():
-                continue  # not of the part that was kept
-            own, others = level.whitened(rows.T)
-            fixed, least = own.T @ of_data, (own**2).sum(axis=0)[:, None]
-            for scale, share in zip(level.scale.T, of_level, strict=True):
-                if share.any():
-                    here = fixed + others.T @ (scale[:, None] * to_data)
-                    variance = least + (scale @ others**2)[:, None]
-                    spread += share * (variance + (here - mean) ** 2)
-        return mean, spread
+
+class _Evaluated(NamedTuple):
+    """Parts of the likelihood at a level.
+
+    Attributes
+    ----------
+    level : Level
+    explained : ndarray, shape (weight, column)
+        ``y'A H^-1 A'y``, which falls with lam_1.
+    volume : ndarray, shape (weight,)
+        ``log|H| - sum_j (rank_j lam_j + log|P_j|+)``, which falls with lam_1 as well.
+    """
+
+    level: Level
+    explained: Array
+    volume: Array
+
+
+@dataclass(frozen=True, eq=False)
+class _Likelihood:
+    """Restricted likelihood of data, and prior, over the grid of weights."""
+
+    blocks: Blocks
+    first: Array
+    reduced: Array
+    squares: Array
+    grids: tuple[Array, Array]
+    rank: int
+    constant: Array
+    of_tau: Array
+
+    @classmethod
+    def of(
+        cls,
+        normal: Array,
+        reduced: Array,
+        squares: Array,
+        penalties: Sequence[Array],
+        grids: Sequence[Array],
+        typical: float,
+    ) -> _Likelihood:
+        (first, second), (own, other) = penalties, grids
+        blocks = Blocks.of(normal, second)
+        first = first[np.ix_(blocks.inner, blocks.inner)]
+        (rank, log), (other_rank, other_log) = (
+            _rank_and_log_determinant(p) for p in (first, blocks.penalty)
+        )
+        constant = log + other_rank * other + other_log
+        # A step of lam_2 is one of tau / 2 in tau.
+        of_tau = -other / 2 - np.log1p(np.exp(-other) / typical**2)
+        return cls(blocks, first, reduced, squares, (own, other), rank, constant, of_tau)
+
+    def levels_that_count(self) -> list[tuple[Level, Array]]:
+        """Evaluate all levels but those that cannot count, with their densities.
+
+        Between two levels there is no more explained than at the first, and no less volume than at
+        the second: no density there is above the one of both together.
+        """
+        last = len(self.grids[0]) - 1
+        known = {k: self._at(k) for k in {0, last}}
+        gaps = [(0, last)] if last > 1 else []
+        best = self._best(known.values())
+        while gaps:
+            most = [np.max(self._most(known[a], known[b]) - best) for a, b in gaps]
+            k = int(np.argmax(most))
+            if most[k] < -UNSEEN:
+                break
+            a, b = gaps.pop(k)
+            middle = (a + b) // 2
+            known[middle] = self._at(middle)
+            best = self._best(known.values())
+            gaps += [gap for gap in ((a, middle), (middle, b)) if gap[1] - gap[0] > 1]
+        found = [known[k] for k in sorted(known)]
+        return [
+            (one.level, self._density(one.explained, one.volume))
+            for one in found
+            if one is not None
+        ]
+
+    def _at(self, k: int) -> _Evaluated | None:
+        """Evaluate a level; none where round-off of so strong a prior hides what the data say."""
+        lam, other = self.grids[0][k], self.grids[1]
+        of_inner = self.blocks.of_inner + np.exp(lam) * self.first
+        try:
+            level = Level.of(self.blocks._replace(of_inner=of_inner), np.exp(other))
+        except np.linalg.LinAlgError:
+            return None
+        inner, outer = level.whitened(self.reduced)
+        explained = (inner**2).sum(axis=0) + level.scale.T @ outer**2
+        return _Evaluated(level, explained, level.determinant - self.rank * lam - self.constant)
+
+    def _density(self, explained: Array, volume: Array) -> Array:
+        """Compute logarithms of likelihood and prior, shape (weight, column)."""
+        return np.asarray(-(self.squares - explained + volume[:, None]) / 2 + self.of_tau[:, None])
+
+    def _best(self, known: Iterable[_Evaluated | None]) -> Array:
+        """Find the largest density of every column; without any one none counts for nothing."""
+        found = [self._density(k.explained, k.volume) for k in known if k is not None]
+        return np.max(found, axis=(0, 1)) if found else np.full(len(self.squares), -np.inf)
+
+    def _most(self, before: _Evaluated | None, after: _Evaluated | None) -> Array:
+        """Bound the densities between two levels, shape (weight, column)."""
+        if before is None or after is None:
+            return np.full((len(self.of_tau), len(self.squares)), np.inf)
+        hidden = np.isinf(before.volume) | np.isinf(after.volume)
+        bound = self._density(before.explained, after.volume)
+        return np.where(hidden[:, None], np.inf, bound)
 
 
 def _shares(density: Array) -> Array:

@@ -34,6 +34,7 @@ from sldvexp.lazy import scipy
 from sldvexp.shell.around_holes import NONE, HoleFunctions
 from sldvexp.shell.chart import Chart
 from sldvexp.shell.linear_form import LinearForm, differentiated, summed
+from sldvexp.shell.local_rows import LocalRows
 from sldvexp.shell.splines import TensorSplines
 from sldvexp.typing import Array
 
@@ -216,22 +217,7 @@ class ThinShell:
         -------
         ndarray, shape (point, form, column)
         """
-        bases = self._bases(coordinates, forms)
-        n, singular = self.membrane.count, self._singular(coordinates, forms)
-        *parts, around = np.split(theta, [n, 2 * n, self._splines])
-        found = np.zeros((len(coordinates), len(forms), theta.shape[1]))
-        known: dict[tuple[int, int, int], Array] = {}
-        for k, form in enumerate(forms):
-            for (field, i, j), factor in form.terms.items():
-                if (field, i, j) not in known:
-                    known[field, i, j] = _evaluated(parts[field], *bases[field, i, j])
-                    if field == 2:
-                        known[field, i, j] += singular[i, j] @ around
-                    elif self.stretch is not None:
-                        followed = self.stretch.following[field] @ parts[2]
-                        known[field, i, j] += _evaluated(followed, *bases[2, i, j])
-                found[:, k] += factor[:, None] * known[field, i, j]
-        return found
+        return LocalRows(self, coordinates).of_forms(theta, forms)
 
     def _singular(
         self, coordinates: Array, forms: Sequence[LinearForm]
@@ -303,9 +289,3 @@ def _product(factor: Array, of_s: Array, of_t: Array) -> Array:
     """Multiply splines along s and along t, and a factor of each place, (place, function)."""
     both = (factor[:, None] * of_s)[:, :, None] * of_t[:, None, :]
     return np.asarray(both.reshape(len(factor), -1))
-
-
-def _evaluated(theta: Array, of_s: Array, of_t: Array) -> Array:
-    """Evaluate fields of known coefficients, (function, column); shape (place, column)."""
-    by_t = (of_s @ theta.reshape(of_s.shape[1], -1)).reshape(len(of_s), of_t.shape[1], -1)
-    return np.asarray(np.matmul(of_t[:, None, :], by_t)[:, 0])

@@ -27,8 +27,53 @@ from dataclasses import dataclass
 import numpy as np
 
 from sldvexp.lazy import scipy
+from sldvexp.shell.calibration import CalibrationError
 from sldvexp.shell.evidence import WeightedFit
 from sldvexp.typing import Array
+
+
+@dataclass(frozen=True, eq=False)
+class PriorErrors:
+    """What was known beforehand of poses, calibration, height and thickness.
+
+    Attributes
+    ----------
+    factor : ndarray, shape (6 view + calibration + 2, any)
+        Of their covariance: poses, errors of the calibration in standard deviations, the given
+        surface's height, the sheet's thickness.
+    calibration : list of CalibrationError
+    adjusted : bool
+        Whether they are found anew together with the field.
+    """
+
+    factor: Array
+    calibration: list[CalibrationError]
+    adjusted: bool
+
+    @classmethod
+    def of(
+        cls,
+        poses: Array,
+        calibration: list[CalibrationError],
+        height: float,
+        thickness: float,
+        adjusted: bool,
+    ) -> PriorErrors:
+        """Combine covariances of poses, (6 view, 6 view), and standard errors, m."""
+        values, vectors = np.linalg.eigh(poses)
+        known = values > 1e-14 * max(values.max(initial=0.0), 1e-300)
+        factor = scipy.linalg.block_diag(
+            vectors[:, known] * np.sqrt(values[known]),
+            np.eye(len(calibration)),
+            [[height]],
+            [[thickness]],
+        )
+        return cls(factor[:, np.any(factor != 0, axis=0)], calibration, adjusted)
+
+    @property
+    def own(self) -> slice:
+        """Places of the calibration's errors."""
+        return slice(len(self.factor) - 2 - len(self.calibration), len(self.factor) - 2)
 
 
 @dataclass(frozen=True, eq=False)

@@ -133,14 +133,14 @@ class ViewPixels:
             start[:, :, k], turned[:, :, k] = of_start, of_way
         moved = start + far[:, None, None] * turned
         step = forms.along(height, slide(frames, moved, way))
-        cosine = -np.einsum("pij,pje->pie", frames, turned)
-        bent = np.einsum("pij,pje->pie", forms.curvature, step)
-        about = np.einsum("pj,pje->pe", forms.turn, step)
+        cosine = -(frames @ turned)
+        bent = forms.curvature @ step
+        about = (forms.turn[:, None] @ step)[:, 0]
         one, two, normal = self.cosine.T[:, :, None]
         cosine[:, 0] += about * two - bent[:, 0] * normal
         cosine[:, 1] += -about * one - bent[:, 1] * normal
         cosine[:, 2] += bent[:, 0] * one + bent[:, 1] * two
-        return np.einsum("pie,pia->pae", step, forms.rate), cosine
+        return forms.rate.swapaxes(1, 2) @ step, cosine
 
     def design(self, shell: ThinShell, face: float) -> Array:
         """Make the rows, shape (pixel, coefficient)."""

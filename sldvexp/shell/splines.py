@@ -11,12 +11,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from math import comb
+from math import comb, factorial
 
 import numpy as np
 
 from sldvexp.lazy import scipy
-from sldvexp.typing import Array
+from sldvexp.typing import Array, IntArray
 
 #: Fewest cells around a closed structure: three waves around it are smooth on them.
 AROUND = 16
@@ -70,6 +70,68 @@ class Splines:
         found = np.asarray(spline(self.low + (x - self.low) % (self.high - self.low), nu=order))
         around = np.arange(count) % self.cells == np.arange(self.cells)[:, None]
         return np.asarray(found @ around.T)
+
+    @cached_property
+    def functions(self) -> IntArray:
+        """Numbers of the functions that are not zero in a cell, shape (cell, degree + 1)."""
+        number = np.arange(self.cells)[:, None] + np.arange(self.degree + 1)
+        return number % self.cells if self.periodic else number
+
+    @cached_property
+    def _polynomials(self) -> list[Array]:
+        """Polynomials of these functions and of their derivatives, (cell, power, function) each.
+
+        They are those of the distance from a cell's middle over half its width: of all the places
+        where a polynomial can be developed that is the one with the least round-off.
+        """
+        count, half = self.cells + self.degree, self.half_width
+        spline = scipy.interpolate.BSpline(self.knots, np.eye(count), self.degree)
+        middle = (self.ends[1:] + self.ends[:-1]) / 2
+        cell = np.arange(self.cells)[:, None]
+        own = cell + np.arange(self.degree + 1)
+        powers = [
+            spline(middle, nu=k)[cell, own] * half**k / factorial(k) for k in range(self.degree + 1)
+        ]
+        found = [np.stack(powers, axis=1)]
+        for _ in range(self.degree):
+            power = np.arange(1, found[-1].shape[1])[:, None]
+            found.append(found[-1][:, 1:] * power / half)
+        return found
+
+    @property
+    def half_width(self) -> float:
+        """Half the width of a cell, in the unit."""
+        return (self.high - self.low) / self.cells / 2
+
+    def cell_of(self, x: Array) -> tuple[IntArray, Array]:
+        """Find the cells of places, and how far these are from its middle, over half its width.
+
+        Beyond the ends it is the last cell, whose polynomials go on there.
+        """
+        from_low = x - self.low
+        if self.periodic:
+            from_low = from_low % (self.high - self.low)
+        width = 2 * self.half_width
+        cell = np.clip((from_low / width).astype(np.intp), 0, self.cells - 1)
+        return cell, (from_low - (cell + 0.5) * width) / self.half_width
+
+    def local(self, cell: IntArray, off: Array, order: int) -> Array:
+        """Evaluate a derivative of the functions that are not zero, shape (point, degree + 1).
+
+        Parameters
+        ----------
+        cell, off : ndarray, shape (point,)
+            As `cell_of` has them.
+        order : int
+        """
+        if order > self.degree:
+            return np.zeros((len(cell), self.degree + 1))
+        polynomial = self._polynomials[order]
+        found = polynomial[cell, -1]
+        for power in range(polynomial.shape[1] - 2, -1, -1):
+            found *= off[:, None]
+            found += polynomial[cell, power]
+        return np.asarray(found)
 
     def gram(self, order: int) -> Array:
         """Integrate products of two derivatives, shape (function, function); exactly."""

@@ -13,20 +13,18 @@ from typing import Any
 
 import numpy as np
 
-from sldvexp.errors import UserError
 from sldvexp.field import View
-from sldvexp.field.bounds.pointing import pointing_std
 from sldvexp.field.bounds.pose_uncertainty import POSE
 from sldvexp.laser import TwoMirror
-from sldvexp.lazy import scipy
-from sldvexp.shell.calibration import CalibrationError
 from sldvexp.shell.columns import SignalColumns
 from sldvexp.shell.evidence import WeightedFit
-from sldvexp.shell.linear_form import LinearForm
+from sldvexp.shell.functionals import Functionals, Rows
 from sldvexp.shell.love import ThinShell
-from sldvexp.shell.nuisances import ErrorEquations, Nuisances
+from sldvexp.shell.measured import Measured, blocks
+from sldvexp.shell.nuisances import ErrorEquations, Nuisances, PriorErrors
 from sldvexp.shell.outline import Outline
-from sldvexp.shell.pixels import ViewPixels, beams_by_step
+from sldvexp.shell.pixel_equations import PixelEquations
+from sldvexp.shell.pixels import ViewPixels
 from sldvexp.shell.refusals import too_few_pixels
 from sldvexp.typing import Array, ComplexArray
 
@@ -41,118 +39,8 @@ TYPICAL = 0.05
 FEWEST = 30
 #: Change of the errors, in standard deviations, below which nothing is repeated, and repetitions.
 SETTLED, REPEATED = 0.05, 4
-#: Standard error of a pixel, over the largest velocity, below which it is taken as unknown.
-EXACT = 1e-9
-#: Fields of pointing errors with random signs; a standard error from them is right to 9 %.
-FIELDS = 64
-#: Pixels whose equations are in memory together.
-TOGETHER = 4096
-
-
-@dataclass(frozen=True, eq=False)
-class PriorErrors:
-    """What was known beforehand of poses, calibration, height and thickness.
-
-    Attributes
-    ----------
-    factor : ndarray, shape (6 view + calibration + 2, any)
-        Of their covariance: poses, errors of the calibration in standard deviations, the given
-        surface's height, the sheet's thickness.
-    calibration : list of CalibrationError
-    adjusted : bool
-        Whether they are found anew together with the field.
-    """
-
-    factor: Array
-    calibration: list[CalibrationError]
-    adjusted: bool
-
-    @classmethod
-    def of(
-        cls,
-        poses: Array,
-        calibration: list[CalibrationError],
-        height: float,
-        thickness: float,
-        adjusted: bool,
-    ) -> PriorErrors:
-        """Combine covariances of poses, (6 view, 6 view), and standard errors, m."""
-        values, vectors = np.linalg.eigh(poses)
-        known = values > 1e-14 * max(values.max(initial=0.0), 1e-300)
-        factor = scipy.linalg.block_diag(
-            vectors[:, known] * np.sqrt(values[known]),
-            np.eye(len(calibration)),
-            [[height]],
-            [[thickness]],
-        )
-        return cls(factor[:, np.any(factor != 0, axis=0)], calibration, adjusted)
-
-    @property
-    def own(self) -> slice:
-        """Places of the calibration's errors."""
-        return slice(len(self.factor) - 2 - len(self.calibration), len(self.factor) - 2)
-
-
-@dataclass(frozen=True, eq=False)
-class Measured:
-    """Velocities of all views' pixels, and their noise as a product of pixel and frequency.
-
-    Attributes
-    ----------
-    images : sequence of array, shape (pixel, frequency) each, m/s
-        Velocities of all pixels of each view, which are read some pixels at a time.
-    pixel_std : ndarray, shape (pixel,), m/s
-        Of those that see the structure, of all views one after the other.
-    scale : ndarray, shape (frequency,)
-    stated : bool
-        False where the views state no noise and it is taken from the residuals.
-    """
-
-    images: Sequence[Any]
-    pixel_std: Array
-    scale: Array
-    stated: bool
-
-    @classmethod
-    def of(
-        cls,
-        images: Sequence[Any],
-        std: Sequence[Any],
-        pixels: Sequence[ViewPixels],
-        shell: ThinShell,
-        face: float,
-    ) -> Measured:
-        """Find the noise of the pixels of all views.
-
-        Parameters
-        ----------
-        images : sequence of array, shape (pixel, frequency) each, m/s
-        std : sequence of array, shape (pixel,) or (pixel, frequency) each, m/s
-
-        Raises
-        ------
-        UserError
-            If nothing moves.
-        """
-        sizes = [_size(images[k], block) for k, _, block in blocks(pixels)]
-        largest = max(sizes, default=0.0)
-        if largest == 0:
-            raise UserError(
-                "all pixels that meet the surface are at rest: there is no motion to fit"
-            )
-        lines, count = images[0].shape[1], sum(len(p.pixel) for p in pixels)
-        own = [_std_of(std[k], block, lines) for k, _, block in blocks(pixels)]
-        if min(float(part.min()) for part in own) <= EXACT * largest:
-            left = _left_over(pixels, shell, face, images, largest)
-            return cls(images, np.full(count, left), np.ones(lines), False)
-        by_frequency = np.sqrt(sum((part**2).sum(axis=0) for part in own) / count)
-        scale = by_frequency / np.sqrt(np.mean(by_frequency**2))
-        by_pixel = [np.sqrt(np.mean((part / scale) ** 2, axis=1)) for part in own]
-        return cls(images, np.concatenate(by_pixel), scale, True)
-
-    def velocity(self, k: int, block: ViewPixels) -> ComplexArray:
-        """Read the velocities of some pixels of a view, shape (pixel, frequency), m/s."""
-        return np.asarray(self.images[k][block.pixel], complex)
+#: Columns of data whose covariances are in memory together.
+MATRICES = 16
 
 
 @dataclass(frozen=True, eq=False)
@@ -236,14 +124,14 @@ class SurfaceFit:
         return replace(self, measured=measured, columns=self.columns.of_part(lines))
 
     def evaluate(
-        self, rows: Array, thicker: Array | None = None
+        self, rows: Array | Functionals, thicker: Array | Functionals | None = None
     ) -> tuple[ComplexArray, Array, Array]:
         """Compute values of linear functionals of the coefficients.
 
         Parameters
         ----------
-        rows : ndarray, shape (functional, coefficient)
-        thicker : ndarray, shape (functional, coefficient), optional
+        rows : ndarray, shape (functional, coefficient), or Functionals
+        thicker : ndarray, shape (functional, coefficient), or Functionals, optional
             Derivatives of the rows by the sheet's thickness, 1/m.
 
         Returns
@@ -259,7 +147,7 @@ class SurfaceFit:
         return values, own, np.asarray(sum(by_source.values()))
 
     def by_source(
-        self, rows: Array, thicker: Array | None = None
+        self, rows: Array | Functionals, thicker: Array | Functionals | None = None
     ) -> tuple[ComplexArray, dict[str, Array]]:
         """Do what `evaluate` does, with variances by their source as in the budget.
 
@@ -267,40 +155,90 @@ class SurfaceFit:
         may have been overlooked as noise.
         """
         bounding = self.bounding or self
-        mean, _ = self._mean(rows, thicker)
-        other, gain = bounding._mean(rows, thicker)
-        _, variance = bounding.posterior.evaluate(rows)
-        values, own = self.columns.lines(mean, variance)
-
-        def squares(spread: Array) -> Array:
-            return self.columns.quadratic(np.einsum("fmc,fmd->fcd", spread, spread))
-
         goes_along, rest = bounding.nuisances.by_source(self.calibration)
-        # one shift of all columns together
-        noise = own + squares((other - mean)[:, None])
-        if self.overlooked is not None:
-            noise += self.columns.of_left_out(self.posterior.by_block(rows) @ self.overlooked)
-        found = {"noise": noise, "pose": squares(np.einsum("fec,em->fmc", gain, rest))}
+        factors = {"pose": rest} | ({"calibration": goes_along} if goes_along.size else {})
+        solved = np.stack(bounding.solved, axis=1)
+        changes = {name: -solved @ factor for name, factor in factors.items()}
         if self.pointed:
-            found["pointing"] = squares(np.stack([rows @ p for p in self.pointed], axis=-1))
-        if goes_along.shape[1]:
-            found["calibration"] = squares(np.einsum("fec,em->fmc", gain, goes_along))
-        return values, found
+            changes["pointing"] = np.stack(self.pointed, axis=1)
+        found, variance = self._evaluated(
+            _functionals(rows), [self.coefficients, bounding.coefficients, *changes.values()]
+        )
+        mean, other, spread = found[0], found[1], dict(zip(changes, found[2:], strict=True))
+        if thicker is not None:
+            both = np.hstack([self.posterior.mean(), bounding.posterior.mean()])
+            of_both, _ = _functionals(thicker).evaluate(both, [])
+            own, of_bounding = np.split(of_both, 2, axis=1)
+            mean, other = mean + own * self.error[-1], other + of_bounding * bounding.error[-1]
+            for name, factor in factors.items():
+                spread[name] = spread[name] + of_bounding[:, :, None] * factor[-1]
+        columns = mean.shape[1]
+        values, noise = self.columns.lines(mean, variance[:, :columns])
+        # one shift of all columns together
+        noise += self._squares((other - mean)[:, :, None])
+        if self.overlooked is not None:
+            noise += self.columns.of_left_out(variance[:, columns])
+        return values, {"noise": noise} | {name: self._squares(of) for name, of in spread.items()}
 
-    def _mean(self, rows: Array, thicker: Array | None) -> tuple[Array, Array]:
-        """Evaluate every reduced column with the errors as they were found.
+    def _evaluated(
+        self, functionals: Functionals, parts: Sequence[Array]
+    ) -> tuple[list[Array], Array]:
+        """Compute functionals of columns of coefficients, and their variances.
+
+        Parameters
+        ----------
+        parts : sequence of ndarray, shape (coefficient, ...) each
 
         Returns
         -------
-        mean : ndarray, shape (functional, column)
-        gain : ndarray, shape (functional, error, column)
-            Change of it by the errors.
+        list of ndarray, shape (functional, ...) each
+        ndarray, shape (functional, column + 1)
+            Of every reduced column, and last of what no column holds if that is known.
         """
-        gain = -np.stack([rows @ s for s in self.solved], axis=-1)
-        if thicker is not None:
-            gain[:, -1] += thicker @ self.posterior.mean()
-        found = np.einsum("fec,e->fc", gain, self.nuisances.mean - self.at)
-        return rows @ self.posterior.mean() + found, gain
+        columns = np.hstack([part.reshape(len(part), -1) for part in parts])
+        ends = np.cumsum([part[0].size for part in parts])[:-1]
+        count, products, squares = len(self.solved), [], []
+        for begin in range(0, count, MATRICES):
+            end = min(begin + MATRICES, count)
+            product, square = functionals.evaluate(
+                columns if begin == 0 else columns[:, :0], self._covariances(begin, end)
+            )
+            products.append(product)
+            squares.append(square)
+        split = np.split(products[0], ends, axis=1)
+        found = [
+            one.reshape(len(one), *part.shape[1:]) for one, part in zip(split, parts, strict=True)
+        ]
+        return found, np.maximum(np.hstack(squares), 0.0)
+
+    def _covariances(self, begin: int, end: int) -> list[Array]:
+        """Make covariances of the coefficients of some columns, and what is left out after all."""
+        posterior = (self.bounding or self).posterior
+        found = [posterior.covariance(column) for column in range(begin, end)]
+        if self.overlooked is not None and end == len(self.solved):
+            own, others = self.posterior.by_block()
+            found.append(self.overlooked[0] * own + self.overlooked[1] * others)
+        return found
+
+    def _squares(self, spread: Array) -> Array:
+        """Compute variances of both parts from changes of the reduced columns.
+
+        Parameters
+        ----------
+        spread : ndarray, shape (functional, column, change)
+        """
+        return self.columns.quadratic(spread @ spread.swapaxes(1, 2))
+
+    @property
+    def error(self) -> Array:
+        """Errors as they were found, less those that the equations are taken at."""
+        return self.nuisances.mean - self.at
+
+    @cached_property
+    def coefficients(self) -> Array:
+        """Means of every reduced column with the errors as they were found."""
+        by_error = np.stack([of @ self.error for of in self.solved], axis=1)
+        return self.posterior.mean() - by_error
 
 
 def fit(
@@ -341,15 +279,21 @@ def fit(
         raise too_few_pixels(count, FEWEST, views, outline, face)
     measured = Measured.of(images, std, pixels, shell, face)
     equations = _Equations(laser, outline, shell, face, length, level, errors, pixels, measured)
-    found, of_errors = equations.at(np.zeros(len(errors.factor)))
+    found, of_pixels, of_errors = equations.at(np.zeros(len(errors.factor)))
     for _ in range(REPEATED if errors.adjusted else 0):
         moved = found.nuisances.mean.copy()
         moved[errors.own] = 0.0  # small beside a pixel: linear
         if np.linalg.norm(np.linalg.lstsq(errors.factor, moved - found.at)[0]) < SETTLED:
             break
-        found, of_errors = equations.at(moved)
-    found = replace(equations.bounded(found, of_errors), overlooked=equations.overlooked(found))
-    return replace(found, pointed=equations.pointed(found))
+        found, of_pixels, of_errors = equations.at(moved)
+    overlooked = equations.overlooked(found, of_pixels)
+    found = replace(equations.bounded(found, of_errors), overlooked=overlooked)
+    posterior = (found.bounding or found).posterior
+    return replace(found, pointed=of_pixels.pointed(posterior, found.posterior.mean()))
+
+
+def _functionals(rows: Array | Functionals) -> Functionals:
+    return rows if isinstance(rows, Functionals) else Rows(rows)
 
 
 @dataclass(frozen=True, eq=False)
@@ -378,7 +322,7 @@ class _Equations:
             own = m.velocity(k, block) / m.pixel_std[some, None] / m.scale
             yield np.concatenate([own.real, own.imag], axis=1)
 
-    def at(self, at: Array) -> tuple[SurfaceFit, ErrorEquations]:
+    def at(self, at: Array) -> tuple[SurfaceFit, PixelEquations, ErrorEquations]:
         """Fit with poses, height and thickness that are off by so much."""
         height, thickness = at[-2:]
         poses = at[: self.errors.own.start]
@@ -387,14 +331,20 @@ class _Equations:
             p.seen_from(pose, self.laser, self.outline, face, height)
             for p, pose in zip(self.pixels, np.reshape(poses, (-1, POSE)), strict=True)
         ]
-        weight, data = 1 / self.measured.pixel_std, self.columns.data
+        data = self.columns.data
+        equations = PixelEquations(
+            self.laser,
+            self.outline,
+            self.shell,
+            face,
+            at,
+            self.errors,
+            moved,
+            self.measured,
+            self.columns,
+        )
+        normal, right = equations.products()
         size = np.sqrt(np.mean((data[:, 0] * self.measured.pixel_std) ** 2))
-        normal = np.zeros((self.shell.coefficients,) * 2)
-        right = np.zeros((self.shell.coefficients, data.shape[1]))
-        for _, some, block in blocks(moved):
-            design = block.design(self.shell, face) * weight[some, None]
-            normal += design.T @ design
-            right += design.T @ data[some]
         known = (self.shell.known_precision() + self.shell.squares() / LARGEST**2) / size**2
         posterior = WeightedFit.of(
             normal + known,
@@ -404,9 +354,9 @@ class _Equations:
             [grid - 2 * np.log(size) for grid in WEIGHTS],
             np.inf if self.length is None else TYPICAL * size,
         )
-        equations = self._of_errors(at, posterior, moved, face, height)
-        solved = equations.solved(posterior)
-        nuisances = self._nuisances(equations, posterior, solved)
+        of_errors = equations.of_errors(posterior.mean())
+        solved = of_errors.solved(posterior)
+        nuisances = self._nuisances(of_errors, posterior, solved)
         found = SurfaceFit(
             self.shell,
             self.outline,
@@ -424,7 +374,7 @@ class _Equations:
             self.errors.own,
             [],
         )
-        return found, equations
+        return found, equations, of_errors
 
     def bounded(self, found: SurfaceFit, equations: ErrorEquations) -> SurfaceFit:
         """Add what bounds are made by, as `SurfaceFit.bounding` has it."""
@@ -436,16 +386,15 @@ class _Equations:
         bounding = replace(found, posterior=most, solved=solved, nuisances=nuisances)
         return replace(found, bounding=bounding)
 
-    def overlooked(self, found: SurfaceFit) -> Array | None:
+    def overlooked(self, found: SurfaceFit, equations: PixelEquations) -> Array | None:
         """Bound signal in what no column holds, as `SurfaceFit.overlooked` has it."""
         count = 2 * len(self.columns.scale) - len(self.columns.size)
         if not count:
             return None
-        crossed = np.zeros((self.shell.coefficients, 2 * len(self.columns.scale)))
-        for (_, some, block), white in zip(blocks(found.pixels), self._white(), strict=True):
-            design = block.design(self.shell, found.face) / self.measured.pixel_std[some, None]
-            left = white - self.columns.data[some] @ self.columns.combination
-            crossed += design.T @ left
+        crossed = equations.crossed(
+            white - self.columns.data[some] @ self.columns.combination
+            for (_, some, _), white in zip(blocks(self.pixels), self._white(), strict=True)
+        )
         # Columns took with them the noise of all lines that is alike to them over the pixels.
         alike = found.posterior.reduced / self.columns.size
         noise = found.normal - alike @ alike.T
@@ -459,126 +408,3 @@ class _Equations:
         if self.errors.adjusted and prior.size:
             return equations.known(posterior, solved)
         return Nuisances(np.zeros(len(prior)), prior)
-
-    def _of_errors(
-        self,
-        at: Array,
-        posterior: WeightedFit,
-        moved: list[ViewPixels],
-        face: float,
-        height: float,
-    ) -> ErrorEquations:
-        """Make the equations of the errors, with derivatives J of the whitened predictions."""
-        theta = posterior.mean()
-        errors, columns = len(at), theta.shape[1]
-        crossed = np.zeros((self.shell.coefficients, errors, columns))
-        products = np.zeros((errors, columns))
-        squares = np.zeros((columns, errors, errors))
-        for k, some, block in blocks(moved):
-            own = [*range(POSE * k, POSE * (k + 1)), *range(self.errors.own.start, errors)]
-            weight = 1 / self.measured.pixel_std[some, None]
-            a = block.design(self.shell, face) * weight
-            others = [error.of_beams(k, block.pixel) for error in self.errors.calibration]
-            j = self._changes(block, theta, face, height, others) * weight[:, None]
-            crossed[:, own] += (a.T @ j.reshape(len(a), -1)).reshape(-1, len(own), columns)
-            products[own] += np.einsum("pec,pc->ec", j, self.columns.data[some])
-            of_view = np.einsum("pec,pfc->cef", j, j, optimize=True)
-            squares[np.ix_(range(columns), own, own)] += of_view
-        return ErrorEquations(self.errors.factor, at, crossed, products, squares)
-
-    def pointed(self, found: SurfaceFit) -> list[Array]:
-        """Make coefficients of fields of pointing errors, as `SurfaceFit.pointed` has them."""
-        steps = [pointing_std(self.laser.pointing_std, p.view) for p in found.pixels]
-        if not any(steps):
-            return []
-        theta, rng = found.posterior.mean(), np.random.default_rng(0)
-        posterior = (found.bounding or found).posterior
-        crossed = np.zeros((self.shell.coefficients, FIELDS, theta.shape[1]))
-        for k, some, block in blocks(found.pixels):
-            weight = 1 / self.measured.pixel_std[some, None]
-            own = beams_by_step(block.view, self.laser, block.pixel)
-            slope = self._changes(block, theta, found.face, found.at[-2], own)[:, POSE:-2]
-            signs = rng.choice([-steps[k], steps[k]], (len(weight), FIELDS, 2))
-            errors = signs @ (slope * weight[:, None])
-            a = block.design(self.shell, found.face) * weight
-            crossed += (a.T @ errors.reshape(len(a), -1)).reshape(crossed.shape)
-        solved = [posterior.solve(crossed[:, :, c], c) for c in range(theta.shape[1])]
-        return [each / np.sqrt(FIELDS) for each in solved]
-
-    def _changes(
-        self,
-        pixels: ViewPixels,
-        theta: Array,
-        face: float,
-        height: float,
-        others: Sequence[tuple[Array, Array]],
-    ) -> Array:
-        """Differentiate predictions of a view by all that moves it, shape (pixel, error, column).
-
-        That is its pose, others that move its beams, and height and thickness.
-        """
-        place, cosine = pixels.changes(self.laser, self.outline, face, height, others)
-        where, shell = pixels.coordinates, self.shell
-
-        def motion(*forms: LinearForm) -> Array:
-            return shell.values(theta, where, forms)  # (pixel, axis, column)
-
-        toward = pixels.cosine
-        change = np.einsum("pae,pac->pec", cosine, motion(*pixels.motion(shell, face)))
-        for axis in range(2):
-            slope = motion(*pixels.motion(shell, face, 1 - axis, axis))
-            along = np.einsum("pa,pac->pc", toward, slope)
-            change += place[:, axis, :, None] * along[:, None]
-        thicker = motion(*shell.motion_by_height(where))
-        by_height = change[:, -1] + np.einsum("pa,pac->pc", toward, thicker)
-        by_thickness = pixels.side * by_height / 2
-        return np.concatenate([change, by_thickness[:, None]], axis=1)
-
-
-def blocks(pixels: Sequence[ViewPixels]) -> Iterator[tuple[int, slice, ViewPixels]]:
-    """Give the number of a view, some of all views' pixels, and these pixels, few at a time."""
-    before = 0
-    for k, of_view in enumerate(pixels):
-        for start in range(0, len(of_view.pixel), TOGETHER):
-            block = of_view.part(slice(start, start + TOGETHER))
-            yield k, slice(before + start, before + start + len(block.pixel)), block
-        before += len(of_view.pixel)
-
-
-def _size(image: Any, block: ViewPixels) -> float:
-    """Find the largest velocity of some pixels, m/s."""
-    return float(np.abs(np.asarray(image[block.pixel])).max(initial=0.0))
-
-
-def _std_of(std: Any, block: ViewPixels, lines: int) -> Array:
-    """Collect standard errors of some pixels at every frequency, m/s."""
-    own = np.asarray(std[block.pixel], float)
-    return np.broadcast_to(own.reshape(len(own), -1), (len(own), lines))
-
-
-def _left_over(
-    pixels: Sequence[ViewPixels],
-    shell: ThinShell,
-    face: float,
-    images: Sequence[Any],
-    largest: float,
-) -> float:
-    """Estimate the noise, m/s, from what splines without any prior leave over."""
-    lines = images[0].shape[1]
-    normal = np.zeros((shell.coefficients,) * 2)
-    right = np.zeros((shell.coefficients, lines), complex)
-    for k, _, block in blocks(pixels):
-        design = block.design(shell, face)
-        normal += design.T @ design
-        right += design.T @ np.asarray(images[k][block.pixel], complex)
-    values, vectors = np.linalg.eigh(normal)
-    known = values > 1e-14 * values.max()
-    theta = vectors[:, known] @ ((vectors[:, known].T @ right) / values[known, None])
-    left, count = 0.0, 0
-    for k, _, block in blocks(pixels):
-        velocity = np.asarray(images[k][block.pixel], complex)
-        rest = velocity - block.design(shell, face) @ theta
-        left, count = left + float((np.abs(rest) ** 2).sum()), count + len(rest)
-    free = max(count - int(known.sum()), 1)
-    least = EXACT * largest  # exact data have no noise, but round-off
-    return float(max(np.sqrt(left / (2 * free * lines)), least))

@@ -7,6 +7,7 @@ import pytest
 
 from sldvexp.shell import WeightedFit
 from sldvexp.shell.columns import SignalColumns
+from sldvexp.shell.evidence import Level
 from sldvexp.shell.nuisances import ErrorEquations
 
 ROWS, COEFFICIENTS = 60, 12
@@ -178,6 +179,37 @@ def test_likelihood_of_weights_with_the_errors_integrated_over():
             chi2 = moved @ np.linalg.solve(covariance, moved)
             wanted[i, k] = -(chi2 + np.linalg.slogdet(covariance)[1]) / 2 - b / 2
     assert got[:, :, 0] - got[0, 0, 0] == pytest.approx(wanted - wanted[0, 0], rel=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_levels_that_are_not_looked_at_do_not_count(seed):
+    """Shares, means and covariances are those of a grid of which every level is looked at."""
+    rng, design, penalties = problem(seed)
+    theta = np.r_[rng.normal(size=2), 10.0 ** rng.uniform(-3, 1) * rng.normal(size=10)]
+    data = 100 * (design @ theta)[:, None] + rng.normal(size=(ROWS, 2))
+    grids = [np.arange(-20.0, 30.0, 1.5), np.arange(-12.0, 21.0, 1.5)]
+    found = fitted(design, data, penalties, grids)
+    each = [
+        fitted(design, data, penalties, [grids[0][[k]], grids[1]]) for k in range(len(grids[0]))
+    ]
+    density = np.array([one.density[0] for one in each])
+    share = np.exp(density - density.max(axis=(0, 1)))
+    share /= share.sum(axis=(0, 1))
+    share[share < 1e-3] = 0
+    share /= share.sum(axis=(0, 1))
+    used = share.any(axis=(1, 2))
+    assert np.array(found.share) == pytest.approx(share[used], rel=1e-9, abs=1e-12)
+    assert np.array(found.density) == pytest.approx(density[used])
+
+
+def test_few_levels_are_looked_at(monkeypatch):
+    """Those that count, the ends of the grid, and what lies halfway to them."""
+    rng, design, penalties = problem(3)
+    data = 100 * design @ rng.normal(size=(COEFFICIENTS, 2)) + rng.normal(size=(ROWS, 2))
+    looked_at, of = [], Level.of
+    monkeypatch.setattr(Level, "of", lambda *a: looked_at.append(a) or of(*a))
+    fitted(design, data, penalties, [np.arange(-40.0, 60.0, 0.5), np.arange(-12.0, 21.0, 1.5)])
+    assert len(looked_at) < 60
 
 
 def test_round_off_at_all_weights_is_told():
