@@ -10,6 +10,7 @@ import pytest
 from scipy.sparse import csr_array
 
 from sldvexp.field import SampleVisibility, View, VolumeVisibility
+from sldvexp.image.interpolation.base import Located
 from sldvexp.laser import Mirror, TwoMirror, project
 from sldvexp.volume import Prisms, SampleRule, extruded, tensor_rule
 
@@ -118,8 +119,8 @@ class EverySample(VolumeVisibility):
             weights = csr_array(
                 (np.ones(valid.sum()), sample[valid], indptr), shape=(len(sample), total)
             )
-            none = csr_array((len(sample), total))
-            each.append(replace(s, valid=valid, weights=weights, gradient=(none, none)))
+            nowhere = Located(*(a[:0] for a in s.located[:4]), *s.located[4:])
+            each.append(replace(s, valid=valid, weights=weights, located=nowhere))
         return replace(look, by_view=tuple(each))
 
 

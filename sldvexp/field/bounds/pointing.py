@@ -45,10 +45,10 @@ def pointing_variance(
         return None
     rng, modes = np.random.default_rng(0), data[0].shape[1]
     errors = []
-    for step, (up_down, left_right), velocity in zip(steps, visibility.slopes, data, strict=True):
-        one, other = rng.choice([-step, step], (2, len(velocity), FIELDS, 1))
-        each = one * (up_down @ velocity)[:, None] + other * (left_right @ velocity)[:, None]
-        errors.append(each.reshape(len(velocity), FIELDS * modes))
+    for step, (up_down, left_right) in zip(steps, visibility.slopes(data), strict=True):
+        one, other = rng.choice([-step, step], (2, len(up_down), FIELDS, 1))
+        each = one * up_down[:, None] + other * left_right[:, None]
+        errors.append(each.reshape(len(up_down), FIELDS * modes))
     found = solution(right_sides(parts, errors), system, solve)
     found = found.reshape(*found.shape[:-1], FIELDS, modes)
     square = np.einsum("lnpfa,lnpfb->lnpab", found, found) / FIELDS

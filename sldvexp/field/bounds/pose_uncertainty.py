@@ -107,7 +107,7 @@ class PoseEffect:
         views = zip(part.visibility.views, samples.by_view, self.data, strict=True)
 
         def blocks(view: View, of_view: ViewSamples, data: Array) -> Blocks:
-            slope = np.stack([(gradient @ data).T for gradient in of_view.gradient])
+            slope = np.swapaxes(of_view.slopes(data), 1, 2).copy()
             for first in range(0, len(u), SAMPLES_AT_ONCE):
                 here = slice(first, first + SAMPLES_AT_ONCE)
                 points, dac = samples.position[here], of_view.dac[here]

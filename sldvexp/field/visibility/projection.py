@@ -24,6 +24,7 @@ from sldvexp.errors import UserError
 from sldvexp.field.visibility.view import View
 from sldvexp.geometry import Bins
 from sldvexp.image import Interpolation, Interpolator
+from sldvexp.image.interpolation.base import Located, spread
 from sldvexp.laser import MIRRORS, TwoMirror, direction_cosines, project
 from sldvexp.lazy import scipy
 from sldvexp.typing import Array, BoolArray, ComplexArray, IndexArray
@@ -53,8 +54,9 @@ class ViewSamples:
         Unit vectors from the surface to the instrument, ``v = V . D``, in world axes.
     weights : csr_array, shape (sample, pixel)
         Of the pixels' velocities; rows are empty where not `valid`.
-    gradient : pair of csr_array, shape (sample, pixel), 1/step
-        Derivatives of `weights` by the up_down and by the left_right step.
+    located : Located
+        Cells of the image that `valid` samples are in.
+    interpolator : Interpolator
     dac : ndarray, shape (sample, 2), steps
         Where the samples are in the image, not rounded; NaN behind the instrument and off the
         board.
@@ -65,13 +67,25 @@ class ViewSamples:
     valid: BoolArray
     directions: Array
     weights: scipy.sparse.csr_array
-    gradient: tuple[scipy.sparse.csr_array, scipy.sparse.csr_array]
+    located: Located
+    interpolator: Interpolator
     dac: Array
     lost: dict[str, int]
 
     def velocity(self, view: View) -> ComplexArray:
         """Interpolate velocities, shape (sample, frequency), m/s; 0 where not `valid`."""
         return np.asarray(self.weights @ view.velocity)
+
+    def slopes(self, values: Array) -> Array:
+        """Differentiate the image by both steps, shape (2, sample, column); 0 where not `valid`.
+
+        Parameters
+        ----------
+        values : ndarray, shape (pixel, column)
+        """
+        found, place = np.zeros((2, len(self.valid), values.shape[1])), self.located.place
+        found[:, place] = self.interpolator.slopes(self.located, self.dac[place], values)
+        return found
 
     def std(self, view: View) -> Array:
         """Compute standard errors of `velocity`, shape (sample,), m/s; 0 where not `valid`.
@@ -134,23 +148,22 @@ def project_samples(
         OUTSIDE: weights.outside,
         FLAGGED: weights.flagged,
     }
-    value, up_down, left_right = (
-        _spread(w, kept, len(points)) for w in (weights.value, *weights.gradient)
-    )
     lost = {reason: int(np.count_nonzero(where)) for reason, where in reasons.items()}
-    return ViewSamples(valid, found.directions, value, (up_down, left_right), found.dac, lost)
+    located = Located(
+        kept[weights.located.place],
+        *weights.located[1:4],
+        _among(weights.outside, kept, len(points)),
+        _among(weights.flagged, kept, len(points)),
+    )
+    value = spread(weights.value, kept, len(points))
+    return ViewSamples(valid, found.directions, value, located, interpolator, found.dac, lost)
 
 
-def _spread(
-    weights: scipy.sparse.csr_array, rows: IndexArray, count: int
-) -> scipy.sparse.csr_array:
-    """Put the rows of a matrix into one with `count` rows, the others empty."""
-    length = np.zeros(count + 1, weights.indptr.dtype)
-    length[rows + 1] = np.diff(weights.indptr)
-    start = np.cumsum(length, dtype=weights.indptr.dtype)
-    # Of its own: some of scipy's methods sort a matrix in place, which others would share.
-    indices = weights.indices.copy()
-    return scipy.sparse.csr_array((weights.data, indices, start), shape=(count, weights.shape[1]))
+def _among(some: BoolArray, rows: IndexArray, count: int) -> BoolArray:
+    """Put values of some rows among all, the others being False."""
+    found = np.zeros(count, bool)
+    found[rows] = some
+    return found
 
 
 class ProjectedPoints(NamedTuple):

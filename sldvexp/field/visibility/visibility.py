@@ -144,11 +144,15 @@ class VolumeVisibility:
         """Matrices of every view, from velocities of pixels to errors of interpolation there."""
         return [self.interpolation.mean_error(view) for view in self.views]
 
-    @property
-    def slopes(self) -> list[tuple[scipy.sparse.csr_array, scipy.sparse.csr_array]]:
-        """Derivatives of every view's image at its pixels, by the steps of both mirrors."""
-        pairs = zip(self._interpolators, self.views, strict=True)
-        return [interpolator.at(view.dac).gradient for interpolator, view in pairs]
+    def slopes(self, data: Sequence[Array]) -> list[Array]:
+        """Differentiate columns of every view's image at its pixels, shape (2, pixel, column)."""
+        found = []
+        for interpolator, view, values in zip(self._interpolators, self.views, data, strict=True):
+            at = interpolator.at(view.dac).located
+            of_view = np.zeros((2, *values.shape))
+            of_view[:, at.place] = interpolator.slopes(at, view.dac[at.place], values)
+            found.append(of_view)
+        return found
 
     @property
     def triangles(self) -> IndexArray:

@@ -8,10 +8,12 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import Protocol
+from typing import NamedTuple, Protocol
+
+import numpy as np
 
 from sldvexp.lazy import scipy
-from sldvexp.typing import Array, BoolArray, ComplexArray
+from sldvexp.typing import Array, BoolArray, ComplexArray, IndexArray
 
 
 class ImagePixels(Protocol):
@@ -37,6 +39,52 @@ class ImagePixels(Protocol):
     def shape(self) -> tuple[int, int] | None: ...
 
 
+class Located(NamedTuple):
+    """Places in the cells of a mesh.
+
+    Parameters
+    ----------
+    place : ndarray of int, shape (found,)
+        Those in a cell whose corners are all usable, in ascending order.
+    corner : ndarray of int, shape (found, k)
+        Vertices of the cell.
+    weight : ndarray, shape (found, k)
+        Of these vertices.
+    gradient : ndarray, shape (found, k, 2), 1/step
+        Derivative of `weight` by the place.
+    outside, flagged : ndarray of bool, shape (place,)
+        Places that are in no cell, or in one with a flagged pixel.
+    """
+
+    place: IndexArray
+    corner: IndexArray
+    weight: Array
+    gradient: Array
+    outside: BoolArray
+    flagged: BoolArray
+
+    def spread(self, rows: scipy.sparse.csr_array) -> scipy.sparse.csr_array:
+        """Give every place a row, empty where it was not found, from a row of each found one."""
+        return spread(rows, self.place, len(self.outside))
+
+
+def spread(matrix: scipy.sparse.csr_array, rows: IndexArray, count: int) -> scipy.sparse.csr_array:
+    """Put the rows of a matrix into one with `count` rows, the others empty."""
+    length = np.zeros(count + 1, matrix.indptr.dtype)
+    length[rows + 1] = np.diff(matrix.indptr)
+    start = np.cumsum(length, dtype=length.dtype)
+    entries = matrix.data, matrix.indices, start
+    return scipy.sparse.csr_array(entries, shape=(count, matrix.shape[1]))
+
+
+def rows_of(column: IndexArray, weight: Array, columns: int) -> scipy.sparse.csr_array:
+    """Make a matrix with these weights, shape (row, n), in so many columns."""
+    rows, each = column.shape
+    start = np.arange(0, rows * each + 1, each, dtype=np.int32)
+    index = column.ravel().astype(np.int32)
+    return scipy.sparse.csr_array((weight.ravel(), index, start), shape=(rows, columns))
+
+
 @dataclass(frozen=True, eq=False)
 class PixelWeights:
     """Weights of the pixels at some places.
@@ -45,16 +93,22 @@ class PixelWeights:
     ----------
     value : csr_array, shape (place, pixel)
         A row sums to one; it is empty where there is no value.
-    gradient : pair of csr_array, shape (place, pixel), 1/step
-        Derivatives of `value` by the up_down and by the left_right step; rows sum to zero.
-    outside, flagged : ndarray of bool, shape (place,)
-        Why there is no value.
+    located : Located
+        Cells that the places are in, or why there is no value.
     """
 
     value: scipy.sparse.csr_array
-    gradient: tuple[scipy.sparse.csr_array, scipy.sparse.csr_array]
-    outside: BoolArray
-    flagged: BoolArray
+    located: Located
+
+    @property
+    def outside(self) -> BoolArray:
+        """Places in no cell, shape (place,)."""
+        return self.located.outside
+
+    @property
+    def flagged(self) -> BoolArray:
+        """Places in a cell with a flagged pixel, shape (place,)."""
+        return self.located.flagged
 
 
 class Interpolator(ABC):
@@ -67,4 +121,21 @@ class Interpolator(ABC):
         Parameters
         ----------
         dac : ndarray, shape (place, 2), steps
+        """
+
+    @abstractmethod
+    def slopes(self, at: Located, dac: Array, values: Array) -> Array:
+        """Differentiate the interpolated image by both steps, at places that are found already.
+
+        Parameters
+        ----------
+        at : Located
+        dac : ndarray, shape (found, 2), steps
+            Of those in a cell.
+        values : ndarray, shape (pixel, column)
+
+        Returns
+        -------
+        ndarray, shape (2, found, column), 1/step
+            By the up_down and by the left_right step.
         """

@@ -7,15 +7,17 @@ the Catmull-Rom cubic; on a lattice of even steps it is that of both directions.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
-from sldvexp.image.interpolation.base import Interpolator, PixelWeights
-from sldvexp.image.interpolation.mesh import ImageMesh, Located
+from sldvexp.image.interpolation.base import Interpolator, Located, PixelWeights, rows_of
+from sldvexp.image.interpolation.mesh import ImageMesh
 from sldvexp.lazy import scipy
 from sldvexp.typing import Array, BoolArray, IndexArray
 
 #: How many places are weighted at once.
-BLOCK = 65536
+BLOCK = 8192
 
 
 class CubicInterpolator(Interpolator):
@@ -36,40 +38,51 @@ class CubicInterpolator(Interpolator):
 
     def at(self, dac: Array) -> PixelWeights:
         """Compute weights at places, shape (place, 2), steps."""
-        blocks = [self._at(dac[k : k + BLOCK]) for k in range(0, max(len(dac), 1), BLOCK)]
-        if len(blocks) == 1:
-            return blocks[0]
-        value, up_down, left_right = (
-            scipy.sparse.vstack(each, format="csr")
-            for each in zip(*((b.value, *b.gradient) for b in blocks), strict=True)
-        )
-        return PixelWeights(
-            value,
-            (up_down, left_right),
-            np.concatenate([b.outside for b in blocks]),
-            np.concatenate([b.flagged for b in blocks]),
-        )
-
-    def _at(self, dac: Array) -> PixelWeights:
         at = self.mesh.locate(dac)
-        frame = self._frame[at.corner]
-        away = dac[at.place][:, None] - self.mesh.vertices[at.corner]
-        term, by_own = monomials(np.einsum("nkab,nkb->nka", frame, away))
-        by_dac = np.einsum("nkmb,nkba->nkma", by_own, frame)
-        value = at.weight[..., None] * term
-        gradient = at.gradient[:, :, None] * term[..., None]
-        gradient += at.weight[..., None, None] * by_dac
-        up_down, left_right = (self._over_pixels(at, gradient[..., a]) for a in range(2))
-        both = up_down, left_right
-        return PixelWeights(self._over_pixels(at, value), both, at.outside, at.flagged)
+        found = dac[at.place]
+        parts = [self._rows(at, found, here) for here in _blocks(len(found))]
+        rows = parts[0] if len(parts) == 1 else scipy.sparse.vstack(parts, format="csr")
+        return PixelWeights(at.spread(rows), at)
 
-    def _over_pixels(self, at: Located, weight: Array) -> scipy.sparse.csr_array:
-        """Turn weights of the pixels from those (found, k, term) of the patches' coefficients."""
-        vertices = len(self.mesh.vertices)
-        column = at.corner[..., None] + vertices * np.arange(TERMS)
-        flat = len(at.place), at.corner.shape[1] * TERMS
-        of_patches = at.rows(column.reshape(flat), weight.reshape(flat), TERMS * vertices)
+    def slopes(self, at: Located, dac: Array, values: Array) -> Array:
+        """Differentiate by both steps, shape (2, found, column)."""
+        count, columns = len(self.mesh.vertices), values.shape[1]
+        coefficient = self._patches @ self.mesh.of_vertices(values)
+        by_vertex = coefficient.reshape(TERMS, count, columns).swapaxes(0, 1).copy()
+        found = np.empty((2, len(dac), columns))
+        for here in _blocks(len(dac)):
+            corner = at.corner[here]
+            frame = self._frame[corner][..., None]
+            term, by_own = self._monomials(at, dac, here)
+            of_patches = by_vertex[corner].reshape(len(corner), -1, columns)
+            for a in range(2):
+                by_dac = by_own[0] * frame[:, :, 0, a] + by_own[1] * frame[:, :, 1, a]
+                by_dac *= at.weight[here, :, None]
+                by_dac += at.gradient[here, :, a, None] * term
+                found[a, here] = (by_dac.reshape(len(corner), 1, -1) @ of_patches)[:, 0]
+        return found
+
+    def _rows(self, at: Located, dac: Array, here: slice) -> scipy.sparse.csr_array:
+        """Compute weights of the pixels at some found places, a row each."""
+        term, _ = self._monomials(at, dac, here)
+        corner, vertices = at.corner[here], len(self.mesh.vertices)
+        column = corner[..., None] + vertices * np.arange(TERMS)
+        flat = len(corner), corner.shape[1] * TERMS
+        weight = at.weight[here, :, None] * term
+        of_patches = rows_of(column.reshape(flat), weight.reshape(flat), TERMS * vertices)
         return self.mesh.over_pixels(of_patches @ self._patches)
+
+    def _monomials(self, at: Located, dac: Array, here: slice) -> tuple[Array, Array]:
+        """Compute the terms of the corners' patches at some found places, and derivatives."""
+        corner = at.corner[here]
+        away = dac[here][:, None] - self.mesh.vertices[corner]
+        return monomials(np.einsum("nkab,nkb->nka", self._frame[corner], away))
+
+
+def _blocks(count: int) -> Iterator[slice]:
+    """Go through so many places, some at a time."""
+    for first in range(0, max(count, 1), BLOCK):
+        yield slice(first, first + BLOCK)
 
 
 #: Powers of the two coordinates, the constant first: linear, quadratic, biquadratic.
@@ -98,16 +111,19 @@ def monomials(place: Array) -> tuple[Array, Array]:
     Returns
     -------
     term : ndarray, shape (..., TERMS)
-    derivative : ndarray, shape (..., TERMS, 2)
+    derivative : ndarray, shape (2, ..., TERMS)
     """
     x, y = np.moveaxis(place, -1, 0)
     one, zero = np.ones_like(x), np.zeros_like(x)
     power_x, power_y = (one, x, x * x), (one, y, y * y)
     slope_x, slope_y = (zero, one, 2 * x), (zero, one, 2 * y)
-    term = np.stack([power_x[i] * power_y[j] for i, j in POWERS], axis=-1)
-    by_x = np.stack([slope_x[i] * power_y[j] for i, j in POWERS], axis=-1)
-    by_y = np.stack([power_x[i] * slope_y[j] for i, j in POWERS], axis=-1)
-    return term, np.stack([by_x, by_y], axis=-1)
+    both = np.empty((3, *x.shape, TERMS))
+    term, by_x, by_y = both
+    for m, (i, j) in enumerate(POWERS):
+        np.multiply(power_x[i], power_y[j], out=term[..., m])
+        np.multiply(slope_x[i], power_y[j], out=by_x[..., m])
+        np.multiply(power_x[i], slope_y[j], out=by_y[..., m])
+    return term, both[1:]
 
 
 def fit_patches(

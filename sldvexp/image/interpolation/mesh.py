@@ -7,53 +7,18 @@ anywhere else make Delaunay's `Triangles`, in which the holes that flags leave s
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import NamedTuple
 
 import numpy as np
 
 from sldvexp.errors import UserError
 from sldvexp.geometry import Bins
-from sldvexp.image.interpolation.base import ImagePixels
+from sldvexp.image.interpolation.base import ImagePixels, Located
 from sldvexp.image.interpolation.standing_in import stand_ins
 from sldvexp.lazy import scipy
 from sldvexp.typing import Array, BoolArray, IndexArray
 
 #: In cell sizes: by how much a place may be beside a cell and count as on its edge. Rounding only.
 ROUNDING = 1e-10
-
-
-class Located(NamedTuple):
-    """Places in the cells of a mesh.
-
-    Parameters
-    ----------
-    place : ndarray of int, shape (found,)
-        Those in a cell whose corners are all usable, in ascending order.
-    corner : ndarray of int, shape (found, k)
-        Vertices of the cell.
-    weight : ndarray, shape (found, k)
-        Of these vertices.
-    gradient : ndarray, shape (found, k, 2), 1/step
-        Derivative of `weight` by the place.
-    outside, flagged : ndarray of bool, shape (place,)
-        Places that are in no cell, or in one with a flagged pixel.
-    """
-
-    place: IndexArray
-    corner: IndexArray
-    weight: Array
-    gradient: Array
-    outside: BoolArray
-    flagged: BoolArray
-
-    def rows(self, column: IndexArray, weight: Array, columns: int) -> scipy.sparse.csr_array:
-        """Make a matrix with these weights (found, n) in each found place's row."""
-        length = np.zeros(len(self.outside) + 1, np.intp)
-        length[self.place + 1] = column.shape[1]
-        shape = len(self.outside), columns
-        return scipy.sparse.csr_array(
-            (weight.ravel(), column.ravel(), np.cumsum(length)), shape=shape
-        )
 
 
 class ImageMesh(ABC):
@@ -143,6 +108,10 @@ class ImageMesh(ABC):
     def over_pixels(self, weights: scipy.sparse.csr_array) -> scipy.sparse.csr_array:
         """Turn weights of the vertices into weights of the pixels, shape (place, pixel)."""
         return weights if self.merge is None else weights @ self.merge
+
+    def of_vertices(self, pixels: Array) -> Array:
+        """Turn values of the pixels into values of the vertices, shape (vertex, column)."""
+        return pixels if self.merge is None else np.asarray(self.merge @ pixels)
 
     def in_hole(self, places: Array) -> BoolArray:
         """Find which of the places outside of all cells are in a hole that flags have made."""

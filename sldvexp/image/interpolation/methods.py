@@ -11,7 +11,13 @@ from enum import Enum
 import numpy as np
 
 from sldvexp.errors import UserError
-from sldvexp.image.interpolation.base import ImagePixels, Interpolator, PixelWeights
+from sldvexp.image.interpolation.base import (
+    ImagePixels,
+    Interpolator,
+    Located,
+    PixelWeights,
+    rows_of,
+)
 from sldvexp.image.interpolation.cross_validation import (
     is_better,
     is_negligible,
@@ -140,8 +146,10 @@ class LinearInterpolator(Interpolator):
     def at(self, dac: Array) -> PixelWeights:
         """Find weights at places, shape (place, 2), steps."""
         at = self.mesh.locate(dac)
-        value, up_down, left_right = (
-            self.mesh.over_pixels(at.rows(at.corner, weight, len(self.mesh.vertices)))
-            for weight in (at.weight, *np.moveaxis(at.gradient, -1, 0))
-        )
-        return PixelWeights(value, (up_down, left_right), at.outside, at.flagged)
+        rows = rows_of(at.corner, at.weight, len(self.mesh.vertices))
+        return PixelWeights(at.spread(self.mesh.over_pixels(rows)), at)
+
+    def slopes(self, at: Located, dac: Array, values: Array) -> Array:
+        """Differentiate by both steps, shape (2, found, column)."""
+        corner = self.mesh.of_vertices(values)[at.corner]
+        return np.einsum("nka,nkc->anc", at.gradient, corner)
