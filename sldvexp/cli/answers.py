@@ -1,8 +1,9 @@
 """Answers that were given before: pages of help and composed configurations, as they were printed.
 
 They are kept in the user's cache by the question, the state of the program and what else decides
-them: how wide the terminal is, and what is installed where Python looks for packages. A question
-is kept only if nothing else can decide its answer: no folder, package or setting of others.
+them: for a page of help how wide the terminal is, and what is installed where Python looks for
+packages. A question is kept only if nothing else can decide its answer: no folder, package or
+setting of others.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from sldvexp.config.kept import KeptFiles, name_of
 
 #: Options of a question.
 HELP, CONFIGURATION = ("-h", "--help"), ("-c", "--cfg")
+HELP_ALONE = tuple([name] for name in HELP)
 #: Beginnings of settings that say where configurations are looked for, or how Hydra works.
 OF_HYDRA = ("hydra", "resume")
 
@@ -34,7 +36,7 @@ def question(arguments: Sequence[str]) -> str:
     """
     options = [a for a in arguments if a.startswith("-")]
     settings = [a for a in arguments if not a.startswith("-")]
-    asked = options in ([name] for name in HELP)
+    asked = with_width = options in HELP_ALONE
     if options in ([name] for name in CONFIGURATION):
         asked = "job" in settings and arguments[arguments.index("job") - 1] == options[0]
     others = any("${" in s or s.lstrip("+~").startswith(OF_HYDRA) for s in settings)
@@ -44,7 +46,7 @@ def question(arguments: Sequence[str]) -> str:
     for place in sys.path:
         with suppress(OSError):
             places.append((place, os.stat(place or ".").st_mtime_ns))
-    columns = shutil.get_terminal_size((0, 0)).columns
+    columns = shutil.get_terminal_size((0, 0)).columns if with_width else None
     return name_of(*arguments, columns, os.environ.get("HYDRA_FULL_ERROR"), places)
 
 
@@ -52,6 +54,11 @@ def answer(name: str) -> str | None:
     """Find the answer to a question, if it was given before."""
     content = KeptFiles().read(name) if name else None
     return None if content is None else content.decode()
+
+
+def keep(name: str, text: str) -> None:
+    """Keep the answer to a question."""
+    KeptFiles().write(name, text.encode())
 
 
 def tell(text: str) -> None:
@@ -63,13 +70,13 @@ def tell(text: str) -> None:
 
 
 @contextmanager
-def keeping(name: str) -> Iterator[Callable[[bool], None]]:
-    """Keep what is printed while in it as the answer to a question, if in the end it is said so."""
+def keeping(names: Sequence[str]) -> Iterator[Callable[[bool], None]]:
+    """Keep what is printed while in it as the answer to questions, if in the end it is said so."""
     said, surely = io.StringIO(), [False]
     try:
         with redirect_stdout(said):
             yield surely.append
     finally:
         tell(said.getvalue())
-    if surely[-1]:
-        KeptFiles().write(name, said.getvalue().encode())
+    for name in names if surely[-1] else ():
+        keep(name, said.getvalue())

@@ -53,7 +53,7 @@ for _threads in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"):
     os.environ.setdefault(_threads, "1")
 
 
-def main(asked: str) -> None:
+def main(asked: Sequence[str]) -> None:
     """Compose the configuration, run it, and turn a user's mistake into one sentence.
 
     Exit status: 0 done, 1 not done (one sentence on standard error), 2 done but an expectation
@@ -63,8 +63,8 @@ def main(asked: str) -> None:
 
     Parameters
     ----------
-    asked : str
-        Name of a question of which the answer is kept, see `sldvexp.cli.answers`; may be empty.
+    asked : sequence of str
+        Names of questions of which the answer is kept, see `sldvexp.cli.answers`; may be empty.
     """
     warnings.formatwarning = _warning
     gc.disable()  # composing makes many objects and no garbage; a job turns it on again
@@ -81,8 +81,8 @@ def main(asked: str) -> None:
     sys.exit(status)
 
 
-def _answered(command: Command, asked: str) -> int:
-    """Run a command, and keep what it prints if that is the answer to a question."""
+def _answered(command: Command, asked: Sequence[str]) -> int:
+    """Run a command, and keep what it prints if that is the answer to questions."""
     if not asked:
         return command.run()
     with cli.answers.keeping(asked) as keep:

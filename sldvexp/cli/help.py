@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from importlib import metadata
 from pathlib import Path
 
+from sldvexp.cli.answers import keep
 from sldvexp.cli.layout import columns, wrapped
 from sldvexp.cli.list import EXPERIMENT, files
+from sldvexp.cli.list import folders as folders_of
 from sldvexp.config import registry
 
 USES = (
@@ -275,6 +278,26 @@ def text(folders: list[Path]) -> str:
             *columns(NAMED),
         ]
     )
+
+
+def first(asked: str) -> str | None:
+    """Write the help page before anything of Hydra is loaded, and keep it as an answer.
+
+    Parameters
+    ----------
+    asked : str
+        Name of the question, see `sldvexp.cli.answers`.
+
+    Returns
+    -------
+    str or None
+        None where packages of others bring plugins, which may be anything.
+    """
+    if metadata.entry_points(group=registry.ENTRY_POINTS):
+        return None
+    page = f"{text(folders_of(None))}\n"
+    keep(asked, page)
+    return page
 
 
 def of_command(name: str) -> str:

@@ -5,15 +5,21 @@ from __future__ import annotations
 import sys
 
 from sldvexp import cli
-from sldvexp.cli import answers
+from sldvexp.cli import answers, changed_answers
 
 
 def main() -> None:
     """Answer, or compose the configuration and run it; see `sldvexp.cli.command`."""
-    asked = answers.question(sys.argv[1:])
+    arguments = sys.argv[1:]
+    asked = answers.question(arguments)
     known = answers.answer(asked)
+    if known is None and asked:
+        known = changed_answers.answer(arguments)
+    if known is None and arguments in answers.HELP_ALONE:
+        known = cli.help.first(asked)
     if known is None:
-        cli.command.main(asked)
+        names = [asked, changed_answers.name(arguments)] if asked else []
+        cli.command.main([name for name in names if name])
     else:
         answers.tell(known)
         sys.exit()

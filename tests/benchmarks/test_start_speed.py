@@ -12,6 +12,8 @@ import sys
 
 import pytest
 
+from sldvexp.config.paths import conf_dir
+
 pytestmark = [
     pytest.mark.long,
     pytest.mark.skipif(
@@ -21,9 +23,11 @@ pytestmark = [
 ]
 
 SLDVEXP = (sys.executable, "-m", "sldvexp.cli.main")
-#: Of what the baseline takes, at most; answers that were given before, and ones to new questions.
-AGAIN = {"--cfg job": 1.0, "--help": 0.7}
-NEW = {"--cfg job": 2.2, "--help": 1.2}
+#: Of what the baseline takes, at most: answers that were given before, ones to questions with new
+#: numbers or of a terminal of another width, and ones to questions with new choices.
+AGAIN = {"--cfg job": 0.7, "--help": 0.7}
+NEW = {"--cfg job": 0.7, "--help": 0.7}
+CHOSEN = 3.2
 POINTS = 1.1
 #: Yardsticks of the default run, and its memory, MB. Half of it is the field.
 SESSION = {"contravariant": 7.0, "samplewise": 7.5}
@@ -73,6 +77,16 @@ def test_questions(question, ratio, bare_program, monkeypatch):
     print(f"{question}: {again:.2f} of a bare program's --cfg job, {first:.2f} if it is new")
     assert again <= AGAIN[question]
     assert first <= NEW[question]
+
+
+def test_new_choices(ratio, bare_program, monkeypatch):
+    """Of experiments that were never composed before, each with all that it chooses."""
+    bare = [sys.executable, str(bare_program / "bare.py"), "--cfg", "job"]
+    monkeypatch.setenv("XDG_CACHE_HOME", str(bare_program / "cache"))
+    names = sorted(file.stem for file in (conf_dir() / "experiment").glob("*.yaml"))
+    chosen = ratio(lambda k: [*SLDVEXP, f"experiment={names[k]}", "--cfg", "job"], bare)
+    print(f"--cfg job of another experiment: {chosen:.2f} of a bare program's --cfg job")
+    assert chosen <= CHOSEN
 
 
 def test_points(ratio):

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import sys
+from importlib import metadata
 
 import pytest
+import yaml
+from omegaconf import OmegaConf, open_dict
 
-from sldvexp.cli import answers, command, main
-from sldvexp.config import hydra_plugin, kept
+from sldvexp.cli import answers, changed_answers, command, main
+from sldvexp.cli.changed_answers import with_numbers
+from sldvexp.config import Origins, hydra_plugin, kept, registry
 from sldvexp.config.kept import CACHE
 
-KEPT = (["--help"], ["list", "--help"], ["--cfg", "job"], ["experiment=point", "-c", "job"])
+KEPT = (["list", "--help"], ["--cfg", "job"], ["experiment=point", "-c", "job"])
 NOT_KEPT = (
     [],
     ["experiment=point"],
@@ -66,6 +70,23 @@ def test_the_same_words_are_said_again(cache, said, arguments):
     assert first[3] == 1
 
 
+@pytest.mark.parametrize("alone", ["--help", "-h"])
+def test_the_page_of_all_needs_no_hydra(cache, said, monkeypatch, alone):
+    pages = [said(alone), said(alone), said("help")]
+    assert [page[3] for page in pages] == [0, 0, 1]
+    assert {page[:3] for page in pages} == {(0, pages[0][1], "")}
+    assert pages[0][1]
+
+
+def test_packages_of_others_are_asked_for_the_page_of_all(cache, said, monkeypatch):
+    entry = metadata.EntryPoint("theirs", "no_such_module", registry.ENTRY_POINTS)
+    monkeypatch.setattr(metadata, "entry_points", lambda group: (entry,))
+    registry.load_installed.cache_clear()
+    with pytest.warns(registry.PluginWarning):
+        assert said("--help")[3] == 1
+    registry.load_installed.cache_clear()
+
+
 @pytest.mark.parametrize("arguments", NOT_KEPT, ids=" ".join)
 def test_questions_that_more_decides_are_no_questions(arguments):
     assert not answers.question(arguments)
@@ -89,19 +110,92 @@ def test_other_widths_and_packages_are_other_questions(cache, monkeypatch, tmp_p
     assert len(set(names)) == 4
 
 
+def test_a_configuration_has_no_width(monkeypatch):
+    before = answers.question(["--cfg", "job"])
+    monkeypatch.setenv("COLUMNS", "77")
+    assert answers.question(["--cfg", "job"]) == before
+
+
 def test_what_packages_have_a_say_in_is_not_kept(cache, said, monkeypatch):
     monkeypatch.setattr(hydra_plugin, "others_search", lambda: True)
     assert [said("--cfg", "job")[3], said("--cfg", "job")[3]] == [1, 2]
 
 
 def test_a_spoilt_answer_is_not_given(cache, said):
-    first = said("--help")
+    first = said("list", "--help")
     [file] = cache.iterdir()
     file.write_bytes(file.read_bytes()[:-1])
-    assert said("--help") == (*first[:3], 2)
+    assert said("list", "--help") == (*first[:3], 2)
 
 
 def test_without_a_cache_the_program_answers(said, monkeypatch):
     monkeypatch.setattr(kept, "_folder", lambda: "")
     first = said("--cfg", "job")
     assert said("--cfg", "job") == (*first[:3], 2)
+
+
+def page_of(*settings):
+    """The page of a configuration, as nothing but composing makes it."""
+    composed = Origins(settings).compose()
+    with open_dict(composed):
+        del composed["hydra"]
+    return OmegaConf.to_yaml(composed)
+
+
+def numbers_of(node, above=""):
+    """Another number of its kind for every entry of tables that holds one."""
+    for key, value in node.items():
+        if isinstance(value, dict):
+            yield from numbers_of(value, f"{above}{key}.")
+        elif isinstance(value, bool | int | float) and abs(value) < 1e15:
+            other = not value if isinstance(value, bool) else value / 2 + 1 if value % 1 else value
+            text = str(other).lower() if isinstance(value, bool) else f"{other + type(value)(3)}"
+            if changed_answers.NUMBER.fullmatch(f"{above}{key}={text}"):
+                yield f"{above}{key}", text
+
+
+@pytest.mark.parametrize("experiment", ["plate", "pose", "point"])
+def test_every_number_is_changed_as_composing_changes_it(experiment):
+    page = page_of(f"experiment={experiment}")
+    numbers = {k: v for k, v in numbers_of(yaml.safe_load(page)) if with_numbers(page, {k: v})}
+    assert len(numbers) > 10
+    settings = [f"{key}={number}" for key, number in numbers.items()]
+    whole = page_of(f"experiment={experiment}", *settings)
+    assert with_numbers(page, numbers) == whole
+    assert whole != page
+
+
+CHANGED = (
+    (["seed=3"], ["seed=5"]),
+    ([], ["seed=5", "seed=6", "overwrite=true"]),
+    (["experiment=plate", "seed=3"], ["experiment=plate", "seed=4"]),
+    (["volume.shape=[9,7]"], ["seed=5", "volume.shape=[9,7]"]),
+    (["laser.mirror_offset=0.25"], ["laser.mirror_offset=0.0000125"]),
+)
+
+
+@pytest.mark.parametrize(("before", "then"), CHANGED, ids=str)
+def test_other_numbers_need_no_program(cache, said, before, then):
+    said("--cfg", "job", *before)
+    changed = said("--cfg", "job", *then)
+    assert (changed[0], changed[3]) == (0, 1)
+    assert changed[1] == page_of(*then)
+
+
+#: Settings of which one may say what the other one does, and numbers of another kind.
+OF_THE_PROGRAM = (
+    (["seed=3"], ["seed=0.5"]),
+    (["overwrite=true"], ["overwrite=1"]),
+    ([], ["laser.mirror_offset=1"]),
+    ([], ["pose.no_such_thing=1"]),
+    ([], ["target=5"]),
+    ([], ["volume.layers=7", "volume.layers=${seed}"]),
+    ([], ["++volume={layers:5}", "volume.layers=7"]),
+    ([], ["volume.samples.line=5", "volume.samples={line:6}"]),
+)
+
+
+@pytest.mark.parametrize(("before", "then"), OF_THE_PROGRAM, ids=str)
+def test_numbers_that_may_mean_more_are_asked_of_the_program(cache, said, before, then):
+    said("--cfg", "job", *before)
+    assert said("--cfg", "job", *then)[3] == 2
