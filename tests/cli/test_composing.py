@@ -12,8 +12,9 @@ from hydra.types import RunMode
 from omegaconf import Container, OmegaConf
 
 from sldvexp.config import hydra_plugin
-from sldvexp.config.cached_loader import RememberingLoader, _copies
+from sldvexp.config.cached_loader import RememberingLoader
 from sldvexp.config.paths import conf_dir
+from sldvexp.config.repository import copies_of
 
 OVERRIDES = {
     "nothing": [],
@@ -122,7 +123,7 @@ def test_schemas_that_cannot_be_pickled():
     class Local:
         seed: int = 4
 
-    copies = _copies(OmegaConf.structured(Local))
+    copies = copies_of(OmegaConf.structured(Local))
     first, second = copies(), copies()
     first.seed = 5
     assert second.seed == 4
