@@ -32,6 +32,7 @@ from omegaconf import DictConfig
 from sldvexp.config.kept import KeptFiles, name_of
 from sldvexp.config.naming_loader import NamingLoader
 from sldvexp.config.paths import conf_dir
+from sldvexp.config.quick_copies import quick_copies
 from sldvexp.config.registry import looked_for_packages
 from sldvexp.config.repository import Memory, copies_of
 from sldvexp.limits import YAML_BYTES
@@ -174,7 +175,8 @@ def remembering(before_run: Callable[[DictConfig], None]) -> Iterator[None]:
     program.ConfigLoaderImpl = RememberingLoader  # type: ignore[misc]
     program.run_job = checked  # type: ignore[assignment]
     try:
-        yield
+        with quick_copies():
+            yield
     finally:
         program.ConfigLoaderImpl = usual  # type: ignore[misc]
         program.run_job = run_job

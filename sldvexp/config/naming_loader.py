@@ -27,6 +27,7 @@ from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf, flag_override
 from omegaconf.errors import OmegaConfBaseException
 
+from sldvexp.config.quick_copies import quick_copies
 from sldvexp.config.repository import RememberingRepository
 
 #: Choice of a recording in the place of an instrument.
@@ -52,7 +53,7 @@ class NamingLoader(ConfigLoaderImpl):
     ) -> DictConfig:
         """Compose as Hydra does, and note whether a recording is played."""
         self._replays = REPLAYED in overrides
-        with _choices_where_referred_to():
+        with quick_copies(), _choices_where_referred_to():
             return super()._load_configuration_impl(
                 config_name, overrides, run_mode, from_shell, validate_sweep_overrides
             )
@@ -61,7 +62,7 @@ class NamingLoader(ConfigLoaderImpl):
         self, config_name: str | None, overrides: list[str], run_mode: RunMode
     ) -> DefaultsList:
         """List the files of a composition as Hydra does."""
-        with _choices_where_referred_to():
+        with quick_copies(), _choices_where_referred_to():
             return super().compute_defaults_list(config_name, overrides, run_mode)
 
     def _compose_config_from_defaults_list(
