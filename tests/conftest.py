@@ -30,9 +30,10 @@ from hydra.core.config_search_path import ConfigSearchPath
 
 from sldvexp import dataset, writing
 from sldvexp.cli import command, commands, main
-from sldvexp.config.cached_loader import Memory, RememberingLoader
+from sldvexp.config.cached_loader import RememberingLoader
 from sldvexp.config.kept import _is_own
 from sldvexp.config.paths import conf_dir
+from sldvexp.config.repository import Memory
 from sldvexp.instrument import connection
 from sldvexp.report.html.page import Html
 from sldvexp.stopping import handlers_kept
@@ -155,14 +156,14 @@ def _remembered() -> Iterator[None]:
 
     Calls that add a folder of their own, or a package, share nothing.
     """
-    files, composed = Memory(), Memory()
+    composed = Memory()
     begin = RememberingLoader.__init__
 
     def with_memory(self: RememberingLoader, config_search_path: ConfigSearchPath) -> None:
         begin(self, config_search_path)
         folders = [s.path for s in self.repository.get_sources() if s.scheme() == "file"]
         if folders == [str(conf_dir())]:
-            self.repository._known, self._known = files, composed
+            self._known = composed
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(RememberingLoader, "__init__", with_memory)

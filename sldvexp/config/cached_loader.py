@@ -13,88 +13,29 @@ import pickle
 import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
-from copy import deepcopy
-from functools import cache
 from itertools import islice
 from pathlib import Path
 from typing import Any
-from uuid import uuid4
 
 import hydra
 import omegaconf
-import yaml
 from hydra._internal import hydra as program
 from hydra._internal.config_loader_impl import get_overrides_dirname
-from hydra._internal.config_repository import ConfigRepository
 from hydra.core.config_search_path import ConfigSearchPath
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.core.override_parser.types import Override
 from hydra.core.utils import JobReturn
-from hydra.plugins.config_source import ConfigResult, ConfigSource
+from hydra.plugins.config_source import ConfigSource
 from hydra.types import RunMode
-from omegaconf import DictConfig, _utils
-from yaml.constructor import SafeConstructor
-from yaml.resolver import Resolver
+from omegaconf import DictConfig
 
 from sldvexp.config.kept import KeptFiles, name_of
 from sldvexp.config.naming_loader import NamingLoader
 from sldvexp.config.paths import conf_dir
+from sldvexp.config.quick_copies import quick_copies
 from sldvexp.config.registry import looked_for_packages
+from sldvexp.config.repository import Memory, copies_of
 from sldvexp.limits import YAML_BYTES
-
-
-def _copies(value: Any) -> Callable[[], Any]:
-    """Make what gives a new copy at every call, faster than a deep copy where that is possible."""
-    try:
-        content = pickle.dumps(value)
-    except (pickle.PicklingError, TypeError, AttributeError):
-        return lambda: deepcopy(value)  # of a class that Hydra's search for plugins has made anew
-    return lambda: pickle.loads(content)
-
-
-@cache
-def _compiled_loader() -> type:
-    """Make OmegaConf's loader of YAML, its rules included, over the parser that is compiled."""
-    usual = _utils.get_yaml_loader()
-    if not hasattr(yaml, "CSafeLoader"):
-        return usual
-
-    class CompiledLoader(yaml.cyaml.CParser, usual):  # type: ignore[misc, valid-type]
-        def __init__(self, stream: Any):
-            yaml.cyaml.CParser.__init__(self, stream)
-            SafeConstructor.__init__(self)
-            Resolver.__init__(self)
-
-    return CompiledLoader
-
-
-@contextmanager
-def _compiled_parser() -> Iterator[None]:
-    """Parse YAML ten times faster while in it; OmegaConf has no setting for its loader."""
-    usual = _utils.get_yaml_loader
-    _compiled_loader()  # before it is asked for in place of the usual one, which it is made of
-    _utils.get_yaml_loader = _compiled_loader
-    try:
-        yield
-    finally:
-        _utils.get_yaml_loader = usual
-
-
-class Memory(dict[Any, Callable[[], Any]]):
-    """Memory that goes to another process with every job: empty, and fills up there."""
-
-    def __init__(self) -> None:
-        self.name = uuid4().hex
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return _of_process, (self.name,)
-
-
-@cache
-def _of_process(name: str) -> Memory:
-    """Return the part of a memory that a process has for itself."""
-    return Memory()
-
 
 #: Entries of a folder of configurations that are looked at: of one with more nothing is kept.
 MOST_ENTRIES = 2000
@@ -106,7 +47,7 @@ class LastingMemory(KeptFiles):
     """Compositions in the user's cache: a pickle is trusted as a program is."""
 
     def recall(self, name: str) -> Callable[[], Any] | None:
-        """Read what was kept under a name, as `_copies` gives it; None if nothing whole was."""
+        """Read what was kept under a name, as `copies_of` gives it; None if nothing whole was."""
         content = self.read(name)
         if content is not None:
             with suppress(Exception):  # of classes that are there no more
@@ -147,41 +88,11 @@ def name_of_composition(
     return told.hexdigest()
 
 
-class RememberingRepository(ConfigRepository):
-    """Hydra's files and schemas, of which every one is read once; each reader gets its own copy."""
-
-    def __init__(self, config_search_path: ConfigSearchPath):
-        super().__init__(config_search_path)
-        self._known = Memory()
-
-    def load_config(self, config_path: str) -> ConfigResult | None:
-        """See `ConfigRepository`."""
-        key = repr((config_path, [(s.provider, s.path) for s in self.sources]))
-        if key in self._known:
-            known: ConfigResult = self._known[key]()
-            return known
-        try:
-            with _compiled_parser():
-                found = super().load_config(config_path)
-        except yaml.YAMLError:  # the usual parser has the better words
-            found = super().load_config(config_path)
-        if found is not None:  # a package that is looked for later may still bring it
-            self._known[key] = _copies(found)
-        return found
-
-    def __deepcopy__(self, memo: dict[int, Any]) -> RememberingRepository:
-        """Copy the sources, which Hydra's search path may set, and share the memory."""
-        other = RememberingRepository.__new__(RememberingRepository)
-        vars(other).update({**vars(self), "sources": list(self.sources)})
-        return other
-
-
 class RememberingLoader(NamingLoader):
     """Hydra's loader, which remembers what it composed for each set of choices."""
 
     def __init__(self, config_search_path: ConfigSearchPath):
         super().__init__(config_search_path)
-        self.repository = RememberingRepository(config_search_path)
         self._known = Memory()
         self._lasting = LastingMemory()
 
@@ -237,7 +148,7 @@ class RememberingLoader(NamingLoader):
             kept = lasting.recall(name) if name else None
             if kept is None:
                 composed = super()._load_configuration_impl(config_name, [*choosing], RunMode.RUN)
-                kept = _copies(composed)
+                kept = copies_of(composed)
                 if name and not looked_for_packages():
                     lasting.keep(name, composed)
             self._known[key] = kept
@@ -264,7 +175,8 @@ def remembering(before_run: Callable[[DictConfig], None]) -> Iterator[None]:
     program.ConfigLoaderImpl = RememberingLoader  # type: ignore[misc]
     program.run_job = checked  # type: ignore[assignment]
     try:
-        yield
+        with quick_copies():
+            yield
     finally:
         program.ConfigLoaderImpl = usual  # type: ignore[misc]
         program.run_job = run_job

@@ -48,7 +48,7 @@ class PluginSource(ConfigSource):
         return True
 
     def load_config(self, config_path: str) -> ConfigResult:
-        group, name = _split(config_path)
+        group, name = group_and_name(config_path)
         return ConfigResult(
             provider=self.provider,
             path=self.full_path(),
@@ -60,7 +60,7 @@ class PluginSource(ConfigSource):
         return config_path.strip("/").removesuffix(f"/{SCHEMA}") in registry.GROUPS
 
     def is_config(self, config_path: str) -> bool:
-        group, name = _split(config_path)
+        group, name = group_and_name(config_path)
         if not registry.known(group, name):
             return False
         folders = [conf_dir(), *(package.conf for package in registry.packages() if package.conf)]
@@ -144,7 +144,7 @@ def _is_schema(config_path: str) -> bool:
     return config_path.strip("/").split("/")[-2:-1] == [SCHEMA]
 
 
-def _split(config_path: str) -> tuple[str, str]:
-    """Group and plugin name of ``group/name`` or ``group/schema/name``, with or without ending."""
+def group_and_name(config_path: str) -> tuple[str, str]:
+    """Split ``group/name`` or ``group/schema/name``, with or without ending, into the two."""
     group, _, name = config_path.strip("/").removesuffix(".yaml").rpartition("/")
     return group.removesuffix(f"/{SCHEMA}"), name

@@ -15,7 +15,6 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.base import Node
 
 from sldvexp.config import hydra_plugin, registry
-from sldvexp.config.cached_loader import RememberingRepository
 from sldvexp.config.paths import conf_dir
 from sldvexp.config.schema import NAMED_GROUPS, Expectation
 from sldvexp.config.sources import Origins
@@ -72,11 +71,9 @@ def repeated_defaults(file: Path, conf: Path | None = None) -> list[str]:
 
 @cache
 def _loader(conf: Path | None) -> ConfigLoaderImpl:
-    """Make a loader that reads every file once."""
+    """Make a loader, which reads every file once."""
     hydra_plugin.install()
-    loader = Origins(["--config-dir", str(conf)] if conf else []).loader
-    loader.repository = RememberingRepository(loader.config_search_path)
-    return loader
+    return Origins(["--config-dir", str(conf)] if conf else []).loader
 
 
 def _typed(config: DictConfig) -> DictConfig:

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import pickle
-from dataclasses import dataclass
+from copy import deepcopy
+from dataclasses import dataclass, field
 
 import pytest
 from hydra._internal.config_loader_impl import ConfigLoaderImpl
 from hydra._internal.utils import create_config_search_path
 from hydra.types import RunMode
-from omegaconf import Container, OmegaConf
+from omegaconf import Container, DictConfig, OmegaConf
 
 from sldvexp.config import hydra_plugin
-from sldvexp.config.cached_loader import RememberingLoader, _copies
+from sldvexp.config.cached_loader import RememberingLoader
 from sldvexp.config.paths import conf_dir
+from sldvexp.config.quick_copies import quick_copies
+from sldvexp.config.repository import RememberingRepository, copies_of
 
 OVERRIDES = {
     "nothing": [],
@@ -34,6 +37,14 @@ REFUSED = {
     "not a setting": ["seed=[1"],
     "a sweep in a single run": ["seed=1,2"],
 }
+
+
+@dataclass
+class Unions:
+    """Nodes that hold others."""
+
+    limit: int | str = 4
+    limits: dict[str, int | None] = field(default_factory=lambda: {"a": 1, "b": None})
 
 
 @pytest.fixture(scope="module")
@@ -115,6 +126,62 @@ def test_files_are_read_once_for_the_same_choices(loaders, monkeypatch):
     assert len(read) == 2
 
 
+def parents(node, parent):
+    """All that a copy shares with what it is of, or that has another parent than it is in."""
+    if node._get_parent() is not parent:
+        yield node
+    if isinstance(node, Container) and not node._is_none() and not node._is_missing():
+        for key in node.keys() if OmegaConf.is_dict(node) else range(len(node)):
+            yield from parents(node._get_node(key), node)
+
+
+def test_quick_copies_are_copies(loaders):
+    whole = loaders[1].load_configuration("config", [], RunMode.RUN)
+    whole._metadata.resolver_cache["now"]["%H"] = "12"
+    for node in (whole, whole.scan, OmegaConf.structured(Unions), whole.scan.structure.pixels):
+        usual = deepcopy(node)
+        with quick_copies():
+            quick = deepcopy(node)
+        assert described(quick) == described(usual) == described(node)
+        assert quick._metadata == usual._metadata
+        assert [*parents(quick, node._get_parent())] == []
+    with quick_copies():
+        quick = deepcopy(whole)
+    whole._metadata.resolver_cache["now"]["%H"] = "13"
+    assert quick._metadata.resolver_cache == {"now": {"%H": "12"}}
+    quick.hydra.job.name, quick.scan.structure.pixels[0] = "other", 99
+    OmegaConf.set_readonly(quick.scan, True)
+    assert (whole.hydra.job.name, whole.scan.structure.pixels[0]) != ("other", 99)
+    assert not OmegaConf.is_readonly(whole.scan)
+
+
+def test_copies_are_quick_only_for_who_asks():
+    usual = DictConfig.__deepcopy__
+    with quick_copies(), quick_copies():
+        assert DictConfig.__deepcopy__ is not usual
+    assert DictConfig.__deepcopy__ is usual
+
+
+def test_choices_are_known_to_defaults_that_refer_to_them(tmp_path):
+    (tmp_path / "mine.yaml").write_text(
+        "defaults:\n- config\n- extra: ${solver}_one\n- _self_\n- override solver: direct\n"
+    )
+    (tmp_path / "extra").mkdir()
+    (tmp_path / "extra" / "direct_one.yaml").write_text("# @package _global_\nseed: 77\n")
+    path = create_config_search_path(str(conf_dir()))
+    path.prepend("command-line", f"file://{tmp_path}")
+    assert RememberingLoader(path).load_configuration("mine", [], RunMode.RUN).seed == 77
+
+
+def test_a_file_that_changes_is_read_anew(tmp_path):
+    (tmp_path / "solver").mkdir()
+    path = create_config_search_path(str(conf_dir()))
+    path.prepend("command-line", f"file://{tmp_path}")
+    for most in (7, 8):
+        (tmp_path / "solver" / "own.yaml").write_text(f"plugin: direct\nmore: {most}\n")
+        assert RememberingRepository(path).load_config("solver/own").config.more == most
+
+
 def test_schemas_that_cannot_be_pickled():
     """Hydra's search for plugins may import a module once more, which makes its classes others."""
 
@@ -122,7 +189,7 @@ def test_schemas_that_cannot_be_pickled():
     class Local:
         seed: int = 4
 
-    copies = _copies(OmegaConf.structured(Local))
+    copies = copies_of(OmegaConf.structured(Local))
     first, second = copies(), copies()
     first.seed = 5
     assert second.seed == 4

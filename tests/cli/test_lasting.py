@@ -11,9 +11,10 @@ from hydra.types import RunMode
 from omegaconf import OmegaConf
 
 from sldvexp.config import cached_loader, hydra_plugin, kept, registry
-from sldvexp.config.cached_loader import LOOKED_UP, LastingMemory, Memory, RememberingLoader
+from sldvexp.config.cached_loader import LOOKED_UP, LastingMemory, RememberingLoader
 from sldvexp.config.kept import CACHE, KeptFiles
 from sldvexp.config.paths import conf_dir
+from sldvexp.config.repository import Memory
 
 CHOICES = ["solver=cholesky", "seed=3"]
 

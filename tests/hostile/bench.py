@@ -240,13 +240,14 @@ def _warm_up() -> None:
     from hydra._internal.hydra import Hydra
 
     from sldvexp.cli import main
-    from sldvexp.config.cached_loader import Memory, RememberingLoader
+    from sldvexp.config.cached_loader import RememberingLoader
     from sldvexp.config.paths import conf_dir
+    from sldvexp.config.repository import Memory
     from sldvexp.pipeline import provenance
 
     assert all((matplotlib.pyplot, netCDF4, numpy, pandas, scipy.io, xarray))
     provenance.git_commit()
-    files, composed = Memory(), Memory()
+    composed = Memory()
     begin = RememberingLoader.__init__
 
     def with_memory(self: RememberingLoader, config_search_path: Any) -> None:
@@ -254,7 +255,7 @@ def _warm_up() -> None:
         if [s.path for s in self.repository.get_sources() if s.scheme() == "file"] == [
             str(conf_dir())
         ]:
-            self.repository._known, self._known = files, composed
+            self._known = composed
 
     RememberingLoader.__init__ = with_memory  # type: ignore[method-assign]
     # Hydra composes twice, first only for `hydra.mode`: half the time.

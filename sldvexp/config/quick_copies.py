@@ -1,0 +1,86 @@
+"""Copies of configurations, equal to those of OmegaConf, in a tenth of the time.
+
+OmegaConf copies every node by `copy.deepcopy`, metadata included, of which a composition with its
+run makes tens of thousands. What a node is made of is known: its values cannot be changed, and its
+metadata are types, flags and a cache.
+"""
+
+from __future__ import annotations
+
+import copy
+from collections import defaultdict
+from collections.abc import Iterator
+from contextlib import contextmanager
+from threading import Lock
+from typing import Any
+
+from omegaconf import DictConfig, ListConfig
+from omegaconf.nodes import ValueNode
+
+#: What OmegaConf copies a container by.
+_USUAL = {kind: kind.__deepcopy__ for kind in (DictConfig, ListConfig)}
+#: Who uses quick copies, of which each thread may be one.
+_users = 0
+_counting = Lock()
+
+
+@contextmanager
+def quick_copies() -> Iterator[None]:
+    """Let containers of OmegaConf be copied quickly while in it; it has no setting for that."""
+    _count(1)
+    try:
+        yield
+    finally:
+        _count(-1)
+
+
+def _count(change: int) -> None:
+    global _users
+    with _counting:
+        _users += change
+        for kind, usual in _USUAL.items():
+            kind.__deepcopy__ = _deepcopy if _users else usual  # type: ignore[attr-defined]
+
+
+def _deepcopy(node: DictConfig | ListConfig, memo: dict[int, Any]) -> Any:
+    """Copy a container, which keeps its parent as it is."""
+    return _copy(node, node.__dict__["_parent"], memo)
+
+
+def _copy(node: Any, parent: Any, memo: dict[int, Any]) -> Any:
+    """Copy a node, to be one of `parent`."""
+    kind = type(node)
+    if kind in _USUAL:
+        made = _like(node, parent)
+        state = made.__dict__
+        state["_flags_cache"] = copy.copy(state["_flags_cache"])
+        content = state["_content"]
+        if isinstance(content, dict):
+            state["_content"] = {key: _copy(child, made, memo) for key, child in content.items()}
+        elif isinstance(content, list):
+            state["_content"] = [_copy(child, made, memo) for child in content]
+        return made
+    if isinstance(node, ValueNode):
+        made = _like(node, parent)
+        made.__dict__["_flags_cache"] = None
+        return made
+    held = node.__dict__["_parent"]
+    try:
+        node.__dict__["_parent"] = None
+        made = copy.deepcopy(node, memo)
+    finally:
+        node.__dict__["_parent"] = held
+    made.__dict__["_parent"] = parent
+    return made
+
+
+def _like(node: Any, parent: Any) -> Any:
+    """Make a node of the same state, with metadata of its own."""
+    made, about = object.__new__(type(node)), object.__new__(type(node._metadata))
+    made.__dict__.update(node.__dict__)
+    about.__dict__.update(node._metadata.__dict__)
+    about.flags = copy.copy(about.flags)
+    found = about.resolver_cache
+    about.resolver_cache = copy.deepcopy(found) if found else defaultdict(dict)
+    made.__dict__.update(_metadata=about, _parent=parent)
+    return made
