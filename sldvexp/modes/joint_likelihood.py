@@ -11,17 +11,26 @@ the eigenvalues of D are how far its modes are apart, and its eigenvectors what 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sldvexp.errors import UserError
 from sldvexp.lazy import scipy
 from sldvexp.modes.compression import PrincipalResponses
-from sldvexp.modes.likelihood import BESIDE, BESIDE_DAMPING, DAMPING, LEVEL, NEAR, STEP
-from sldvexp.modes.model import BEYOND, basis, poles_of, split
+from sldvexp.modes.model import BEYOND, basis, split
 from sldvexp.modes.participation import Participation, SharedPole
+from sldvexp.modes.variable_projection import (
+    STEP,
+    Change,
+    FitQuality,
+    Projection,
+    may_be_one,
+    most_likely_unknowns,
+    require_lines,
+    search_range,
+    starts_beside,
+)
 from sldvexp.typing import Array, ComplexArray
 
 #: Typical uncertainty of a share of a start.
@@ -33,7 +42,7 @@ PROMISE = 0.1
 
 
 @dataclass(frozen=True, eq=False)
-class SharedFit:
+class SharedFit(FitQuality):
     """Most likely poles and shares.
 
     Parameters
@@ -53,11 +62,6 @@ class SharedFit:
     chi_square: float
     dof: float
     by_line: Array
-
-    @property
-    def misfit(self) -> float:
-        """Variance of what is left over, over that of the noise."""
-        return self.chi_square / self.dof
 
 
 #: Another fit with more or fewer modes at one of the poles; None if lines do not need it.
@@ -158,12 +162,6 @@ def _of_rank(lines: JointLines, poles: ComplexArray, modes: list[int]) -> tuple[
     return tuple(found)
 
 
-def _better(richer: SharedFit, poorer: SharedFit) -> bool:
-    """Tell whether what more unknowns gain is no chance."""
-    gain = (poorer.chi_square - richer.chi_square) / max(1.0, richer.misfit)
-    return bool(scipy.special.chdtrc(poorer.dof - richer.dof, max(gain, 0.0)) < LEVEL)
-
-
 def _values(fit: SharedFit) -> ComplexArray:
     return np.array([pole.value for pole in fit.found.poles], complex)
 
@@ -183,7 +181,7 @@ def _without_doubles(lines: JointLines, fit: SharedFit) -> SharedFit:
     k = 0
     while k + 1 < len(fit.found.poles):
         first, second = _values(fit)[k : k + 2]
-        if abs(second.imag - first.imag) > -NEAR * (first.real + second.real):
+        if not may_be_one(first, second):
             k += 1
             continue
         poles = fit.found.poles
@@ -194,7 +192,7 @@ def _without_doubles(lines: JointLines, fit: SharedFit) -> SharedFit:
             count = [modes if j == k else 1 for j in range(len(values))]
             joined = (*poles[:k], _of_rank(lines, values, count)[k], *poles[k + 2 :])
             tried.append(_fitted(lines, replace(fit.found, poles=joined)))
-        simpler = next((one for one in tried if not _better(fit, one)), None)
+        simpler = next((one for one in tried if not fit.gains_on(one)), None)
         fit, k = (fit, k + 1) if simpler is None else (simpler, max(k - 1, 0))
     return fit
 
@@ -209,12 +207,12 @@ def _with_more_modes(lines: JointLines, fit: SharedFit, at: int) -> SharedFit | 
     if not _enough(lines, model) or not _promises(lines, fit, model):
         return None
     tried = _fitted(lines, model)
-    return tried if _better(tried, fit) else None
+    return tried if tried.gains_on(fit) else None
 
 
 def _promises(lines: JointLines, fit: SharedFit, richer: Participation) -> bool:
     """Tell whether a model gains enough at its start for a fit to be worth while."""
-    left = float((_SharedProjection(lines, richer).residual ** 2).sum())
+    left = _projection(lines, richer).chi_square
     gain = (fit.chi_square - left) / max(1.0, fit.misfit)
     more = len(richer.unknowns) - len(fit.found.unknowns) + fit.dof - _freedom(lines, richer)
     return bool(scipy.special.chdtrc(more, max(gain, 0.0)) < PROMISE)
@@ -227,7 +225,7 @@ def _with_fewer_modes(lines: JointLines, fit: SharedFit, at: int) -> SharedFit |
         return None  # poles that are none were left out before
     fewer = _of_rank(lines, _values(fit), modes)[at]
     tried = _fitted(lines, _with(fit, at, fewer))
-    return None if _better(fit, tried) else tried
+    return None if fit.gains_on(tried) else tried
 
 
 def _parted(lines: JointLines, fit: SharedFit, at: int) -> SharedFit | None:
@@ -242,7 +240,7 @@ def _parted(lines: JointLines, fit: SharedFit, at: int) -> SharedFit | None:
         return None
     own = [SharedPole.from_rows(complex(m), r[None]) for m, r in zip(moved, rows, strict=True)]
     tried = _fitted(lines, _with(fit, at, *own))
-    return tried if _better(tried, fit) else None
+    return tried if tried.gains_on(fit) else None
 
 
 def _distances(lines: JointLines, fit: SharedFit, at: int) -> tuple[ComplexArray, ComplexArray]:
@@ -274,15 +272,12 @@ def _with(fit: SharedFit, at: int, *others: SharedPole) -> Participation:
 
 def _with_others(lines: JointLines, best: SharedFit) -> SharedFit:
     """Add poles beside the band, as lines ask for them."""
-    omega = lines.omega
-    for side, step in ((omega[-1], 1), (omega[0], -1)):
-        near = abs(side + step * BESIDE * (omega[-1] - omega[0]))
-        added = poles_of(np.array([near]), np.array([BESIDE_DAMPING]))
+    for added in starts_beside(lines.omega):
         other = replace(best.found, beyond=np.append(best.found.beyond, added))
         if not _enough(lines, other):
             break
         tried = _fitted(lines, other)
-        if _better(tried, best):
+        if tried.gains_on(best):
             best = tried
     return best
 
@@ -299,84 +294,36 @@ def _enough(lines: JointLines, model: Participation) -> bool:
     return _freedom(lines, model) > 0
 
 
-def _bounds(model: Participation, omega: Array) -> tuple[Array, Array]:
-    """Say between which values unknowns are looked for; poles beside the band stay there."""
-    own, count = len(model.poles), len(model.poles) + len(model.beyond)
-    free = len(model.unknowns) - 2 * count
-    low = np.array([*np.log([omega[0] / 10, DAMPING[0]]).repeat(count), *np.full(free, -np.inf)])
-    high = np.array([*np.log([omega[-1] * 10, DAMPING[1]]).repeat(count), *np.full(free, np.inf)])
-    for k, pole in enumerate(model.beyond, own):
-        above = abs(pole) > omega[-1]
-        low[k], high[k] = (np.log(omega[-1]), high[k]) if above else (low[k], np.log(omega[0]))
-    return low, high
-
-
 def _fitted(lines: JointLines, start: Participation) -> SharedFit:
     """Fit all unknowns near a start."""
-    if not _enough(lines, start):
-        raise UserError(
-            f"{lines.lines} lines are too few for {len(start.pole)} modes: measure more lines, or "
-            "choose a narrower band"
-        )
-    count = len(start.poles) + len(start.beyond)
-    low, high = _bounds(start, lines.omega)
-    steps = np.repeat([*STEP, SHARE_STEP], [count, count, len(low) - 2 * count])
-
-    def left_over(unknowns: Array) -> Array:
-        return _SharedProjection(lines, start.at(unknowns)).residual.ravel()
-
-    def jacobian(unknowns: Array) -> Array:
-        return _SharedProjection(lines, start.at(unknowns)).jacobian(whole=True)
-
-    solution = scipy.optimize.least_squares(
-        left_over,
-        np.clip(start.unknowns, low + 1e-9, high - 1e-9),
-        jacobian,
-        bounds=(low, high),
-        x_scale=steps,
-        xtol=1e-14,
-        ftol=1e-14,
-        gtol=1e-14,
+    require_lines(_enough(lines, start), lines.lines, len(start.pole))
+    poles, count = len(start.poles), len(start.poles) + len(start.beyond)
+    others = len(start.unknowns) - 2 * count
+    found = most_likely_unknowns(
+        lambda unknowns: _projection(lines, start.at(unknowns)),
+        start.unknowns,
+        search_range(lines.omega, poles, start.beyond, others),
+        np.repeat([*STEP, SHARE_STEP], [count, count, others]),
     )
-    return _evaluated(lines, start.at(solution.x))
+    return _evaluated(lines, start.at(found))
 
 
 def _evaluated(lines: JointLines, model: Participation) -> SharedFit:
     """Put poles in rising order, and tell how well they fit."""
     order = np.argsort([abs(pole.value) for pole in model.poles], kind="stable")
     model = replace(model, poles=tuple(model.poles[k] for k in order))
-    last = _SharedProjection(lines, model)
-    slope = last.jacobian(whole=False)
-    covariance = lines.principal.covariance(slope)
-    columns = last.residual.shape[1]
-    squares = (last.residual**2).sum(axis=1).reshape(-1, lines.lines).sum(axis=0)
-    free = (1 - (last.unitary**2).sum(axis=1)) * columns
-    by_line = np.asarray(squares / free.reshape(-1, lines.lines).sum(axis=0))
-    return SharedFit(model, covariance, float(squares.sum()), _freedom(lines, model), by_line)
+    last = _projection(lines, model)
+    covariance = lines.principal.covariance(last.jacobian(whole=False))
+    dof = _freedom(lines, model)
+    return SharedFit(model, covariance, last.chi_square, dof, last.by_line(lines.lines))
 
 
-class _SharedProjection:
-    """Least squares of the linear coefficients at given poles and shares."""
+def _projection(lines: JointLines, model: Participation) -> Projection:
+    """Project the responses of all references at given poles and shares."""
+    weighted = lines.principal.weighted
+    rows, values = weighted(model.columns(lines.omega)), split(lines.principal.values.T)
 
-    def __init__(self, lines: JointLines, model: Participation):
-        self.lines, self.model = lines, model
-        values = split(lines.principal.values.T)
-        self.unitary, triangle = np.linalg.qr(self._weighted(model.columns(lines.omega)))
-        self.inverse = scipy.linalg.solve_triangular(triangle, self.unitary.T)
-        self.coefficients = self.inverse @ values
-        self.residual = values - self.unitary @ (self.unitary.T @ values)
+    def changes() -> Iterator[Change]:
+        return ((own, weighted(change)) for own, change in model.changes(lines.omega))
 
-    def _weighted(self, rows: Array) -> Array:
-        return self.lines.principal.weighted(rows)
-
-    def jacobian(self, whole: bool) -> Array:
-        """Differentiate the residual, all of it or as if nothing were left over."""
-        columns = []
-        for own, change in self.model.changes(self.lines.omega):
-            weighted = self._weighted(change)
-            moved = weighted @ self.coefficients[own]
-            column = -(moved - self.unitary @ (self.unitary.T @ moved))
-            if whole:
-                column -= self.inverse[own].T @ (weighted.T @ self.residual)
-            columns.append(column.ravel())
-        return np.stack(columns, axis=1)
+    return Projection(rows, values, changes)
