@@ -30,10 +30,9 @@ from sldvexp.export.velocities import (
     velocity_in_world,
 )
 from sldvexp.lazy import xarray as xr
+from sldvexp.plot.moving_shape import MOVING_SHARE, SECONDS_A_TURN
 from sldvexp.typing import Array, BoolArray, ComplexArray, IntArray
 
-#: Largest drawn deflection, as a share of the surface's diagonal; that of the report's page.
-MOVING_SHARE = 0.08
 #: Frequencies are the same if they are to the six digits that pages show.
 SIX_DIGITS = 5e-6
 
@@ -69,7 +68,7 @@ class MovingExport(VelocityExport):
 
     frequency: float | None = None
     colour: MotionColour | None = None
-    seconds: float = 2.5
+    seconds: float = SECONDS_A_TURN
 
     called: ClassVar[str] = "motion"
 

@@ -13,6 +13,7 @@ from sldvexp.dataset import FREQUENCY
 from sldvexp.dataset.run_data import RunData
 from sldvexp.errors import Checks
 from sldvexp.export.motion import Motion, MovingExport, motion_of
+from sldvexp.plot.moving_shape import AZIMUTH, ELEVATION
 
 #: Pixels of a side: fewer leave no room for the scale, more take minutes.
 FEWEST_PIXELS, MOST_PIXELS = 160, 2160
@@ -41,8 +42,8 @@ class MovingPicture(MovingExport):
     width: int = 640
     height: int = 400
     fps: float = 25.0
-    azimuth: float = -118.5
-    elevation: float = 30.0
+    azimuth: float = AZIMUTH
+    elevation: float = ELEVATION
 
     def check(self, checks: Checks) -> None:
         """Note sizes that make no picture."""

@@ -18,13 +18,14 @@ from sldvexp.dataset.run_data import RunData
 from sldvexp.errors import ConfigError, UserError
 from sldvexp.export.gif import Gif
 from sldvexp.export.glb import Glb
-from sldvexp.export.motion import MOVING_SHARE, MotionColour, motion_of
+from sldvexp.export.motion import MotionColour, motion_of
 from sldvexp.export.mp4 import Mp4
 from sldvexp.export.velocities import mesh_of, velocities_of, velocity_in_world
 from sldvexp.export.vtu import Vtu
 from sldvexp.plot import MovingShape
-from sldvexp.plot.moving_shape import PALE, PALENESS
+from sldvexp.plot.moving_shape import MOVING_SHARE, PALE, PALENESS
 from sldvexp.plot.style import SIZE_MAP
+from sldvexp.report.html.shape import LOOK
 from tests.shell.made_strain import made_strain
 
 PAGE = Path(__file__).parents[2] / "sldvexp/report/html"
@@ -201,16 +202,16 @@ def test_points_are_drawn_by_what_joins_them(points, tmp_path):
 
 
 def test_picture_is_that_of_the_report():
-    """Deflection, where it is seen from, and colours of what is below its bound."""
-    [told] = re.findall(r"DRAWN_SHARE = ([\d.]+)", (PAGE / "shape.js").read_text())
-    assert float(told) == MOVING_SHARE
-    camera = (PAGE / "camera.js").read_text()
-    [seen] = re.findall(r"azimuth: (-?[\d.]+), elevation: (-?[\d.]+)", camera)
-    assert tuple(map(float, seen)) == (Gif().azimuth, Gif().elevation)
-    viewer = (PAGE / "viewer.js").read_text()
-    [veil] = re.findall(r"([\d.]+) \* fading", viewer)
-    [paper] = re.findall(r"uniform.paper, look.dark \? [\d.]+ : ([\d.]+)", viewer)
-    assert (float(paper), float(veil)) == (PALE, PALENESS)
+    """Deflection, where it is seen from, its time, and what is below its bound: said once."""
+    own = LOOK["azimuth"], LOOK["elevation"], LOOK["seconds"]
+    assert own == (Gif().azimuth, Gif().elevation, Gif().seconds)
+    assert (LOOK["share"], LOOK["pale"], LOOK["paleness"]) == (MOVING_SHARE, PALE, PALENESS)
+    scripts = "".join(page.read_text() for page in PAGE.glob("*.js"))
+    for name, value in (("azimuth", "118.5"), ("none", "32768"), ("seconds", "2.5")):
+        assert value in f"{LOOK[name]}"
+        assert not re.search(rf"(?<![\d.]){re.escape(value)}(?![\d.])", scripts), name
+    for name in LOOK:
+        assert re.search(rf"[{{,] *{name}\b|data\.look\.{name}\b", scripts), name
 
 
 @pytest.mark.parametrize("colour", MotionColour)

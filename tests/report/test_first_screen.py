@@ -11,7 +11,8 @@ import xarray as xr
 import sldvexp.plot
 from sldvexp import dataset
 from sldvexp.dataset import Finding, RunData, Severity, findings_to_dataset
-from sldvexp.report.html import run_page, sweep_page, unfinished
+from sldvexp.report.html import diagnostics, run_page, sweep_page, unfinished
+from sldvexp.report.html.blocks import Listing
 from sldvexp.report.html.page import Html
 from sldvexp.report.key_numbers import key_numbers, on_surface
 from sldvexp.report.tables import field_tables, truth_table
@@ -102,6 +103,28 @@ def test_a_warning_that_is_a_finding_is_said_once(run_file, no_figures, capsys):
     assert page.text.count(told) == 1
     closing_table({"verdict": verdict, "point": volume_note}, [])
     assert " ".join(capsys.readouterr().out.split()).count(told) == 1
+
+
+@pytest.mark.parametrize(
+    ("severity", "noted", "told"),
+    [
+        (Severity.note, True, "1 note and 1 thing to mind, below."),
+        (Severity.doubtful, True, "1 finding and 1 thing to mind, below."),
+        (Severity.doubtful, False, "1 finding, below."),
+        (None, True, "1 thing to mind, below."),
+    ],
+)
+def test_the_verdict_counts_all_that_stands_below(severity, noted, told):
+    told_of = [] if severity is None else [severity]
+    findings = [Finding("moved", "view left", "it was moved", s) for s in told_of]
+    groups = {"verdict": findings_to_dataset(findings)} if findings else {}
+    point = dataset.group("point", {}, velocity=[1.0, 0, 0], confidence=[0.1] * 3)
+    point.attrs["notes"] = "poses have no covariance" if noted else ""
+    run = RunData({**groups, "point": point})
+    (lead,) = diagnostics.verdict_blocks(run)
+    assert lead.text.endswith(told)
+    listed = [b for b in diagnostics.findings_section(run).blocks if isinstance(b, Listing)]
+    assert sum(len(block.items) for block in listed) == len(findings) + noted
 
 
 def test_points_in_a_table_are_those_that_move_most():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from sldvexp.dataset import RunData, group
 from sldvexp.plot import figures_of
@@ -242,6 +243,19 @@ def test_shapes_of_modes_and_lines_share_the_room_of_a_page(
     numbers = {k: both[1][k] for k in ("real", "imaginary", "bound", "layers")}
     assert shape.size_of(both[0]) + shape.size_of(numbers) <= 20_000
     assert both[0]["left_out"] == 0 < both[1]["left_out"]
+
+
+@pytest.mark.parametrize("modal", [False, True], ids=["lines", "modes"])
+def test_a_surface_without_triangles_is_said_to_be_one(
+    small_volume, small_field, no_figures, modal
+):
+    around = small_volume()
+    field = small_field(around)
+    around = around.isel(element=slice(0))
+    field = field.isel(element=slice(0))
+    run = RunData({"volume": around, "field": field} | ({"modes/field": field} if modal else {}))
+    assert results.shape_blocks(run) == [Text(results.NO_TRIANGLES)]
+    assert Text(results.NO_TRIANGLES) in results.result_section(run).blocks[0].shown
 
 
 def test_a_run_without_mode_shapes_has_its_one_shape(small_volume, small_field, no_figures):

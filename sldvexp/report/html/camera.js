@@ -1,10 +1,10 @@
 // Where one looks from: azimuth and elevation about a point, and the matrix that follows from them.
 "use strict";
-const makeCamera = (low, high) => {
+const makeCamera = (low, high, { azimuth, elevation }) => {
   const LENS = 4.5;  // 1 / tan of half the angle of view
   let middle, radius, corners;
   const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-  const START = { azimuth: -118.5, elevation: 30 };
+  const START = { azimuth, elevation };
   const own = { ...START, distance: 1, target: [0, 0, 0], flat: false, shift: [0, 0], width: 1, height: 1 };
 
   // What is to be seen lies in a box.

@@ -43,12 +43,16 @@ def verdict_blocks(run: RunData) -> list[Text]:
     """Say in a line how far the results can be believed, and how much there is to mind."""
     line, findings = verdict_text(run)
     minded = len(_minded(run))
-    told = ""
-    if minded:
-        told = f"{minded} thing{'s' * (minded > 1)} to mind, below."
-    elif findings:
-        what = "note" if all(f.severity is Severity.note for f in findings) else "finding"
-        told = f"{len(findings)} {what}{'s' * (len(findings) > 1)}, below."
+    notes = all(f.severity is Severity.note for f in findings)
+    counted = [
+        f"{count} {what}{'s' * (count > 1)}{more}"
+        for count, what, more in (
+            (len(findings), "note" if notes else "finding", ""),
+            (minded, "thing", " to mind"),
+        )
+        if count
+    ]
+    told = f"{' and '.join(counted)}, below." if counted else ""
     if not line:
         look = "warning" if minded else "good"
         first = "Not judged: the run tells of no test of its results."

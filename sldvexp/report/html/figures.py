@@ -27,14 +27,14 @@ PARTS: dict[str, dict[str, str]] = {
     },
     "stand": {"stands": "Where the instrument stood, and the way it looked."},
     "circles": {
-        "edges": "Edge points of the calibration object's circles.",
+        "edges": "Edge points of the calibration object's circles, as seen from the instrument.",
         "bitangents": "Bitangent points: where the tangents of two ellipses touch them.",
     },
     "pose": {
         "pose_residuals": "Residuals of the pose: observed minus predicted mirror readings.",
         "repeatability": "Image points of repeated scans.",
     },
-    "image": {"images": "Velocity along the line of sight, view by view."},
+    "image": {"images": "Velocity along the line of sight, as seen from the instrument."},
     "modes": {
         "stabilisation": "Poles of all orders and the modes that they made; below, the root mean "
         "square over all pixels of what was measured, what the modes make of it and what is left.",

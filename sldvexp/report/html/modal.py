@@ -6,6 +6,7 @@ sight: that is what is compared, and it needs no field and no model that fits.
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -23,7 +24,7 @@ from sldvexp.report.modal_tables import (
     model_table,
     verdict_on_model,
 )
-from sldvexp.report.numbers import number
+from sldvexp.report.numbers import number, with_bound
 from sldvexp.typing import Array, ComplexArray
 
 #: Component of a velocity along the line of sight.
@@ -91,15 +92,20 @@ def _adjusted(model: xr.Dataset) -> HtmlTable | None:
     rows = [
         [
             str(name),
-            number(float(one["adjusted_value"]), 6),
-            number(100 * float(one["factor"] - 1), 3),
-            number(100 * float(one["factor_std"]), 2),
+            number(float(one["adjusted_value"]), _digits(float(one["factor_std"]))),
+            with_bound(100 * float(one["factor"] - 1), 100 * float(one["factor_std"])),
         ]
         for name in model["adjusted"].values
         for one in [model.sel(adjusted=name, adjusted2=name)]
     ]
-    columns = ["parameter", "value that fits", "change, %", "its standard error, %"]
+    columns = ["parameter", "value that fits", "change ± standard error, %"]
     return HtmlTable(columns, rows, "Parameters adjusted to the frequencies")
+
+
+def _digits(share: float) -> int:
+    """Count the digits of a value that is known to a share of itself, two of them uncertain."""
+    known = math.isfinite(share) and 0 < share < 1
+    return min(6, 2 - math.floor(math.log10(share))) if known else 6
 
 
 def _shapes_beside(run: RunData) -> list[Beside | Text]:

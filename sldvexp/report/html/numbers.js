@@ -6,7 +6,7 @@ const integers = (text) => Uint32Array.from(new Uint16Array(bytes(text).buffer))
 
 // Real parts, imaginary parts and bounds of the layers, by frequency, component and node.
 const readNumbers = async (data, nodes) => {
-  const NONE = -32768, components = data.components.length;
+  const NONE = data.look.none, components = data.components.length;
   const whole = async (text) => {
     const deflated = new Blob([bytes(text)]).stream().pipeThrough(new DecompressionStream("deflate"));
     const planes = new Uint8Array(await new Response(deflated).arrayBuffer()), count = planes.length / 2;

@@ -31,7 +31,7 @@ from sldvexp.report.html.setup import views_table
 from sldvexp.report.html.shape import shape_of, shape_of_points, size_of
 from sldvexp.report.key_numbers import key_numbers
 from sldvexp.report.modal_tables import model_told
-from sldvexp.report.numbers import number, with_bound
+from sldvexp.report.numbers import PLACES, number, place_text, with_bound
 from sldvexp.report.tables import (
     MOST_FREQUENCIES,
     field_tables,
@@ -45,6 +45,11 @@ POSE = VARIABLES["pose"]
 RESIDUALS = ("s", "residual_rms", "pointing_std", "dof")
 #: Velocities in the table of points, which scrolls; the dataset has all.
 MOST_VELOCITIES = 30
+#: In the place of a shape that cannot be drawn.
+NO_TRIANGLES = (
+    "The motion of the surface cannot be drawn here, since no triangles join its nodes; its "
+    "velocities are in the tables below and in run.nc."
+)
 #: What the moving shape shows, of runs that have both.
 CHOSEN = ("shapes of the modes", "velocity at the lines")
 
@@ -59,7 +64,9 @@ def result_section(run: RunData) -> Section:
         told.append(HtmlTable(numbers.columns, numbers.rows, numbers.title))
     if model := model_told(run):
         told.append(Text(f"{model[:1].upper()}{model[1:]}, see Model below."))
-    shown = shape_blocks(run) or having(figures(run, "first"))[:1]
+    shown = shape_blocks(run)
+    if not any(isinstance(block, Shape | Alternatives) for block in shown):
+        shown = having(shown, having(figures(run, "first"))[:1])
     if not shown and not run.below("image"):
         shown = having(figures(run, "stand"))[:1]
     return Section("Result", [Lead(told, shown)], unseen=True)
@@ -127,7 +134,8 @@ def _pose_table(
 
 def _given(view: xr.Dataset, name: str) -> Iterator[str]:
     for value in POSE[name].factor * view[name].values:
-        yield number(float(value), 6)
+        angle = POSE[name].shown_unit == "deg"
+        yield f"{value:.{PLACES}f}" if angle else place_text([value])
 
 
 def _with_bounds(view: xr.Dataset, name: str) -> Iterator[str]:
@@ -254,9 +262,9 @@ def shape_blocks(run: RunData, name: str = "shape") -> list[Any]:
     modes = mode_shapes(run, f"{name}-modes")
     taken = sum(size_of(block.data) for block in modes if isinstance(block, Shape))
     lines = lines_shape(run, name, taken)
-    both = Alternatives(f"{name}-of", "Shown", CHOSEN, (modes, lines)) if modes else None
-    drawn = any(isinstance(block, Shape) for block in lines)
-    return having(both or lines, figures(run, "shape") if drawn else None)
+    modal, drawn = (any(isinstance(b, Shape) for b in blocks) for blocks in (modes, lines))
+    both = Alternatives(f"{name}-of", "Shown", CHOSEN, (modes, lines)) if modal else None
+    return having(both or lines or modes, figures(run, "shape") if drawn else None)
 
 
 def mode_shapes(run: RunData, name: str) -> list[Any]:
@@ -266,7 +274,7 @@ def mode_shapes(run: RunData, name: str) -> list[Any]:
     strain = run.groups["modes/strain"] if run.has("modes/strain", "frame") else None
     data = shape_of(run.groups["modes/field"], run.groups["volume"], strain, _pose_of(run))
     if data is None:
-        return []
+        return [Text(NO_TRIANGLES)]
     known = run.groups["modes/field"]["frequency"].values.tolist()
     data["numbers"] = [1 + known.index(hertz) for hertz in data["frequencies"]]
     note = "Mode shapes as they are at resonance under the excitation of the run."
@@ -297,7 +305,7 @@ def lines_shape(run: RunData, name: str, taken: int = 0) -> list[Any]:
     else:
         return []
     if data is None:
-        return []
+        return [Text(NO_TRIANGLES)]
     return [Shape(data, name), Text(note + _notes_of(data), "small")]
 
 

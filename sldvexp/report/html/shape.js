@@ -11,13 +11,12 @@ const showShape = async (root) => {
   const maps = Object.fromEntries(Object.entries(data.maps).map(([name, text]) => [name, bytes(text)]));
   const everywhere = directions.length === 3 * components;  // the same directions at every node
 
-  const SECONDS_A_TURN = 2.5;       // of the drawn motion
-  const DRAWN_SHARE = 0.08;         // largest deflection, as a share of the surface's diagonal
+  const { seconds: SECONDS_A_TURN, share: DRAWN_SHARE } = data.look;
   const MOST_LINES = 3000;
   const MOST_GLYPHS = 400;          // paths or arrows, beyond which none can be told from others
   const NEAR = 18;                  // pixels between a node and the pointer that means it
 
-  const viewer = typeof DecompressionStream === "undefined" ? null : makeViewer(canvas, nodes);
+  const viewer = typeof DecompressionStream === "undefined" ? null : makeViewer(canvas, nodes, data.look);
   if (!viewer) {
     document.documentElement.classList.add("no-webgl");
     return null;
@@ -270,7 +269,7 @@ const showShape = async (root) => {
   // A frame ----------------------------------------------------------------------------------------
   const margin = 1.5 * DRAWN_SHARE * diagonal;
   const [from, to] = [low.map((x) => x - margin), high.map((x) => x + margin)];
-  const camera = makeCamera(from, to);
+  const camera = makeCamera(from, to, data.look);
   const axes = makeAxes(control("labels"), from, to, data.length_unit);
   // Where the instrument stood: an edge from there along its axis, and beams to the object's ends.
   const stands = data.stands || [];

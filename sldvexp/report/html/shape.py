@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from sldvexp.dataset import VARIABLES
 from sldvexp.geometry import FewerNodes, fewer_nodes, joined_points
 from sldvexp.lazy import xarray as xr
-from sldvexp.plot import style
+from sldvexp.plot import moving_shape, style
 from sldvexp.plot.shape import normals
 from sldvexp.report.html import packing
 
@@ -32,6 +32,16 @@ COLOURINGS = 3 * 2 + 2
 #: Colours of sizes, of numbers with a sign and of angles, in so many steps.
 MAPS = {"size": style.SIZE_MAP, "sign": style.SIGN_MAP, "phase": style.PHASE_MAP}
 STEPS = 64
+#: What moving pictures and the page have in common, and how numbers are packed.
+LOOK = {
+    "azimuth": moving_shape.AZIMUTH,
+    "elevation": moving_shape.ELEVATION,
+    "seconds": moving_shape.SECONDS_A_TURN,
+    "share": moving_shape.MOVING_SHARE,
+    "pale": moving_shape.PALE,
+    "paleness": moving_shape.PALENESS,
+    "none": packing.NONE,
+}
 #: What is largest of a cycle, with its name and unit.
 LARGEST = (
     ("principal_strain", "largest extension", "strain"),
@@ -249,6 +259,7 @@ def _drawn(
         "directions": packing.floats(directions),
         "stands": [] if pose is None else stands_of(pose, position, length),
         "maps": {name: _colours(of) for name, of in MAPS.items()},
+        "look": LOOK,
     } | numbers
 
 

@@ -36,7 +36,7 @@ void main() {
   float share = clamp((value - range.x) / (range.y - range.x), 0.0, 1.0);
   float texels = float(textureSize(colours, 0).x);
   vec3 colour = texture(colours, vec2((share * (texels - 1.0) + 0.5) / texels, 0.5)).rgb;
-  colour = mix(colour, vec3(paper), 0.75 * fading * pale);
+  colour = mix(colour, vec3(paper), fading * pale);
   vec3 normal = cross(dFdx(place), dFdy(place));
   float lit = abs(dot(normalize(normal + 1e-20), light));
   if (kind == 0) shown = vec4(colour * (0.78 + 0.22 * lit), 1.0);
@@ -72,7 +72,7 @@ out vec4 shown;
 void main() { shown = ink; }`;
 
 // None where a browser has no WebGL2.
-const makeViewer = (canvas, nodes) => {
+const makeViewer = (canvas, nodes, { pale, paleness }) => {
   const ATTRIBUTES = { position: 3, motion_real: 3, motion_imaginary: 3, margin: 3, value_real: 3,
     value_imaginary: 3, below: 1 };
   const SURFACE = 0, PLAIN = 1, DISC = 2, CROSS = 3;
@@ -209,8 +209,8 @@ const makeViewer = (canvas, nodes) => {
     gl.uniformMatrix4fv(uniform.matrix, false, matrix);
     gl.uniform3fv(uniform.light, camera.toward());
     gl.uniform2f(uniform.range, look.range[0], look.range[1]);
-    gl.uniform1f(uniform.fading, look.fading ? 1 : 0);
-    gl.uniform1f(uniform.paper, look.dark ? 0.25 : 0.93);
+    gl.uniform1f(uniform.fading, look.fading ? paleness : 0);
+    gl.uniform1f(uniform.paper, look.dark ? 0.25 : pale);
     gl.uniform1f(uniform.size, 11 * ratio);
     state({ ...look, scale: 0 });
     points(gl.LINES, "box", grey(look.dark ? 0.3 : 0.84));
