@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sldvexp.errors import UserError
-from sldvexp.field.bounds.inverse import NearInverse, WholeInverse
+from sldvexp.field.bounds.inverse import InverseRows, NearInverse, WholeInverse
 from sldvexp.field.bounds.sparse_inverse_rows import rings_of
 from sldvexp.field.equations.assembly import Equations
 from sldvexp.field.equations.regions import RegionIterator, RegionSamples
@@ -23,7 +23,6 @@ from sldvexp.field.equations.sample_model import FieldModel
 from sldvexp.field.equations.undetermined import constrain_undetermined, find_undetermined
 from sldvexp.field.visibility.visibility import VolumeVisibility
 from sldvexp.reconstruction import Absolute, Model, Weights, rows
-from sldvexp.typing import Array
 
 #: Sentence about a field of which it cannot be computed.
 UNKNOWN = (
@@ -70,11 +69,10 @@ class LeastVariance:
         alone = replace(system, pairs=system.pairs[:0])
         return cls(parts, replace(near, system=alone, odd=np.zeros_like(near.odd)))
 
-    def of_part(self, part: RegionSamples) -> Array:
-        """Compute the variance of a part's own nodes, shape (layer, own, component)."""
+    def of_part(self, part: RegionSamples) -> tuple[RegionSamples, InverseRows]:
+        """Find the same part of its own model, and the rows of its inverse."""
         same = self.parts.of_region(part)
-        variances = [std**2 for std in self.parts.model.pixel_std]
-        return self.inverse.of_part(same).variances(same.influences, variances)[0]
+        return same, self.inverse.of_part(same)
 
 
 def least_variance_model(visibility: VolumeVisibility, model: FieldModel) -> FieldModel | None:

@@ -11,22 +11,22 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from sldvexp.field.bounds.sparse_inverse_rows import (
     block_rows,
     diagonal_blocks,
-    layers_beside,
     sums_of_squares,
     surface_rows,
     volume_rows,
     with_blocks,
 )
+from sldvexp.field.equations.elements import influence_by_layers, with_layers_apart
 from sldvexp.field.equations.regions import RegionSamples
 from sldvexp.field.equations.system import NormalEquations
 from sldvexp.field.solvers.kronecker import KroneckerInverse
-from sldvexp.field.threads import side_by_side
 from sldvexp.lazy import scipy
 from sldvexp.typing import Array, BoolArray, IndexArray
 
@@ -37,26 +37,6 @@ class InverseRows(ABC):
     @abstractmethod
     def times(self, x: Array) -> Array:
         """Multiply ``M^-1 x``, from (layer, patch_node, parameter, column) to (layer, own, ...)."""
-
-    @abstractmethod
-    def variances(
-        self, influences: Sequence[scipy.sparse.bsr_array], variances: Sequence[Array]
-    ) -> tuple[Array, Array]:
-        """Compute diagonals of ``sum_k K_k S_k K_k^T`` and ``sum_k K_k S_k R_k^T``, ``K = M^-1 R``.
-
-        Parameters
-        ----------
-        influences : sequence of bsr_array, shape (patch node * parameter, pixel)
-            The matrix R_k of each view.
-        variances : sequence of ndarray, shape (pixel,)
-            The diagonal matrices S_k.
-
-        Returns
-        -------
-        nodal : ndarray, shape (layer, own, parameter)
-        fitted : ndarray, shape (parameter,)
-            The second diagonal, summed over the own nodes.
-        """
 
 
 #: Part of a variance up to which terms of either sign may cancel in round-off.
@@ -92,7 +72,21 @@ class WholeInverse(InverseRows):
     def variances(
         self, influences: Sequence[scipy.sparse.bsr_array], variances: Sequence[Array]
     ) -> tuple[Array, Array]:
-        """Compute diagonals as `InverseRows` says."""
+        """Compute diagonals of ``sum_k K_k S_k K_k^T`` and ``sum_k K_k S_k R_k^T``, ``K = M^-1 R``.
+
+        Parameters
+        ----------
+        influences : sequence of bsr_array, shape (patch node * parameter, pixel)
+            The matrix R_k of each view.
+        variances : sequence of ndarray, shape (pixel,)
+            The diagonal matrices S_k.
+
+        Returns
+        -------
+        nodal : ndarray, shape (layer, own, parameter)
+        fitted : ndarray, shape (parameter,)
+            The second diagonal, summed over the own nodes.
+        """
         rows, p = scipy.sparse.hstack(influences, format="csr"), self.parameters
         rows = rows * np.sqrt(np.concatenate(variances))
         apart = p if len(self.inverse) < rows.shape[0] else 1  # components that do not couple
@@ -170,6 +164,42 @@ class NearInverse:
 
 
 @dataclass(frozen=True, eq=False)
+class ViewInfluence:
+    """Matrix R of one view's pixels over the nodes of a patch.
+
+    Parameters
+    ----------
+    beside : bsr_array, shape (patch_node * parameter, pixel * layer), blocks (parameter, layer)
+    """
+
+    beside: scipy.sparse.bsr_array
+
+    @cached_property
+    def apart(self) -> scipy.sparse.bsr_array:
+        """The same, shape (layer * patch_node * parameter, pixel), in blocks (parameter, 1)."""
+        return with_layers_apart(self.beside)
+
+
+def view_influences(parts: Sequence[RegionSamples], k: int) -> list[ViewInfluence]:
+    """Compute a view's influences in several models of the same samples, all at once."""
+    patch, weights = parts[0].patch, parts[0].samples.by_view[k].weights
+    each = [part.at.estimator[:, :, k] for part in parts]
+    used = [estimator for estimator in each if estimator.any()]
+    nothing = np.zeros((len(each[0]), 0))
+    together = influence_by_layers(patch, np.concatenate([nothing, *used], axis=1), weights)
+    found, first = [], 0
+    for estimator in each:
+        p = estimator.shape[1]
+        if estimator.any():
+            of_model = with_blocks(together, together.data[:, first : first + p].copy())
+            first += p
+        else:  # its rows leave this view out
+            of_model = influence_by_layers(patch, estimator, weights)
+        found.append(ViewInfluence(of_model))
+    return found
+
+
+@dataclass(frozen=True, eq=False)
 class NearRows(InverseRows):
     """Rows of a part's own nodes.
 
@@ -193,17 +223,18 @@ class NearRows(InverseRows):
     odd: IndexArray
     volume: scipy.sparse.bsr_array
 
-    def variances(
-        self, influences: Sequence[scipy.sparse.bsr_array], variances: Sequence[Array]
-    ) -> tuple[Array, Array]:
-        """Compute diagonals as `InverseRows` says."""
-        pairs = list(zip(influences, variances, strict=True))
-        nodal, fitted = zip(*side_by_side(lambda pair: self._of_view(*pair), pairs), strict=True)
-        return np.sum(nodal, axis=0), np.sum(fitted, axis=0)
-
     @abstractmethod
-    def _of_view(self, influence: scipy.sparse.bsr_array, variance: Array) -> tuple[Array, Array]:
-        """Compute both diagonals of one view."""
+    def of_view(
+        self, influence: ViewInfluence, variance: Array, *, fitted: bool = True
+    ) -> tuple[Array, Array]:
+        """Compute diagonals of one view, as `WholeInverse.variances` does.
+
+        Parameters
+        ----------
+        variance : ndarray, shape (pixel,)
+        fitted : bool
+            Whether the second one is wanted; zeros otherwise.
+        """
 
 
 class CoupledRows(NearRows):
@@ -219,21 +250,24 @@ class CoupledRows(NearRows):
         found[:, self.odd] = exact.reshape(layers, len(self.odd), parameters, columns)
         return found
 
-    def _of_view(self, influence: scipy.sparse.bsr_array, variance: Array) -> tuple[Array, Array]:
-        """Compute both diagonals of one view."""
-        layers, p = len(self.line), influence.blocksize[0]
-        beside = layers_beside(influence, layers)
+    def of_view(
+        self, influence: ViewInfluence, variance: Array, *, fitted: bool = True
+    ) -> tuple[Array, Array]:
+        """Compute diagonals as `NearRows` says."""
+        beside = influence.beside
+        p, layers = beside.blocksize
         along = with_blocks(beside, beside.data @ self.line.T)
-        covariance, fitted = np.empty((layers, len(self.own), p, p)), np.zeros(p)
+        covariance, of_both = np.empty((layers, len(self.own), p, p)), np.zeros(p)
         for some in _parts(len(self.own)):
             k = block_rows(self.surface, some) @ along
             covariance[:, some] = diagonal_blocks(k, variance)
-            fitted += _of_both(k, block_rows(beside, self.own[some]), variance).sum(axis=1)
+            if fitted:
+                of_both += _of_both(k, block_rows(beside, self.own[some]), variance).sum(axis=1)
         covariance = self.turn @ covariance @ np.swapaxes(self.turn, 2, 3)
         if len(self.odd):
-            exact = diagonal_blocks(self.volume @ influence, variance)[0]
+            exact = diagonal_blocks(self.volume @ influence.apart, variance)[0]
             covariance[:, self.odd] = exact.reshape(layers, len(self.odd), p, p)
-        return np.diagonal(covariance, axis1=2, axis2=3), fitted
+        return np.diagonal(covariance, axis1=2, axis2=3), of_both
 
 
 class ScalarRows(NearRows):
@@ -250,28 +284,29 @@ class ScalarRows(NearRows):
         found[:, self.odd] = exact.reshape(layers, len(self.odd), parameters, columns)
         return found
 
-    def _of_view(self, influence: scipy.sparse.bsr_array, variance: Array) -> tuple[Array, Array]:
-        """Compute both diagonals of one view, a node's influences being a row of (1, p) blocks."""
-        layers, p = len(self.line), influence.blocksize[0]
-        beside = layers_beside(influence, layers)
+    def of_view(
+        self, influence: ViewInfluence, variance: Array, *, fitted: bool = True
+    ) -> tuple[Array, Array]:
+        """Compute diagonals as `NearRows` says; influences of a node are a row of (1, p) blocks."""
+        beside = influence.beside
+        p, layers = beside.blocksize
         along = with_blocks(beside, (beside.data @ self.line.T).reshape(-1, 1, p * layers))
         beside = with_blocks(beside, beside.data.reshape(-1, 1, p * layers))
-        nodal, fitted = np.empty((layers, len(self.own), p)), np.zeros(p)
+        nodal, of_both = np.empty((layers, len(self.own), p)), np.zeros(p)
         for some in _parts(len(self.own)):
             k = block_rows(self.surface, some) @ along
             squares = sums_of_squares(k, variance).reshape(-1, p, layers)
             nodal[:, some] = np.moveaxis(squares, 2, 0)
-            both = _of_both(k, block_rows(beside, self.own[some]), variance)
-            fitted += both.reshape(p, layers).sum(axis=1)
+            if fitted:
+                both = _of_both(k, block_rows(beside, self.own[some]), variance)
+                of_both += both.reshape(p, layers).sum(axis=1)
         nodal *= self.turn[..., 0] ** 2
         if len(self.odd):
-            flat = scipy.sparse.bsr_array(
-                (influence.data.reshape(-1, 1, p), influence.indices, influence.indptr),
-                shape=(influence.shape[0] // p, influence.shape[1] * p),
-            )
+            apart = influence.apart
+            flat = with_blocks(apart, apart.data.reshape(-1, 1, p))
             exact = sums_of_squares(self.volume @ flat, variance)
             nodal[:, self.odd] = exact.reshape(layers, len(self.odd), p)
-        return nodal, fitted
+        return nodal, of_both
 
 
 #: Nodes whose rows of K are in memory at once, so that they stay in the cache.

@@ -139,17 +139,18 @@ class PoseEffect:
         nothing_left = at.inverse is not None and len(part.model.rows) == parameters
         if not nothing_left:
             balance = at.pointwise.weight.times(v - at.pointwise.design @ u)
-            balance = np.moveaxis(balance, 0, -1).copy()
-        estimator = np.moveaxis(at.estimator, 0, -1)
-        side = np.empty((count, parameters * found.shape[-1]))
+        columns = found.shape[-1]
+        side = np.empty((count, parameters, columns))
         for k, blocks in self._by_view(part, u):
             for here, slopes, change in blocks:
-                each = estimator[:, k, None, None, here] * change
+                of_samples = np.ascontiguousarray(change.reshape(columns, -1).T)
+                np.multiply(at.estimator[here, :, k, None], of_samples[:, None], out=side[here])
                 if not nothing_left:
-                    turn = _turn(part, here, slopes)
-                    each[: len(turn)] += turn[:, :, None] * balance[k, :, here]
-                side[here] = np.moveaxis(each.reshape(side.shape[1], -1), -1, 0)
-            found[:, :, :, k] = part.patch.to_nodes(side).reshape(*shape, -1)
+                    turn = np.ascontiguousarray(np.moveaxis(_turn(part, here, slopes), -1, 0))
+                    added = turn[..., None] * balance[here, k, None, None]
+                    side[here, : turn.shape[1]] += added.reshape(*turn.shape[:2], -1)
+            sums = part.patch.to_nodes(side.reshape(count, -1))
+            found[:, :, :, k] = sums.reshape(*shape, -1)
         return found.reshape(*shape, -1)
 
 

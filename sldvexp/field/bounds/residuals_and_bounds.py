@@ -17,13 +17,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sldvexp.field.bounds.efficiency import LeastVariance, is_best
-from sldvexp.field.bounds.inverse import InverseRows, NearInverse, NearRows, WholeInverse
+from sldvexp.field.bounds.inverse import (
+    InverseRows,
+    NearInverse,
+    NearRows,
+    ViewInfluence,
+    WholeInverse,
+    view_influences,
+)
 from sldvexp.field.bounds.pose_uncertainty import PoseEffect, column_variances, kept_columns
 from sldvexp.field.bounds.sparse_inverse_rows import rings_of
 from sldvexp.field.equations.regions import RegionIterator, RegionSamples
 from sldvexp.field.equations.sample_model import FieldModel
 from sldvexp.field.equations.system import NormalEquations, Solve
 from sldvexp.field.streaming.compression import FrequencyModes
+from sldvexp.field.threads import side_by_side
 from sldvexp.field.visibility.view import View
 from sldvexp.field.visibility.visibility import VolumeVisibility
 from sldvexp.typing import Array, BoolArray, IndexArray
@@ -219,16 +227,18 @@ def with_bounds(
     for part in parts.overlapping(rings, whole=small):
         left.add(part, theta, data)
         rows = whole.of_part(part)
-        found.add_noise(part, rows)
-        if best is not None:
-            least[:, part.region.own] = best.of_part(part)
+        check = None
+        if isinstance(rows, NearRows) and len(errors) < VERIFIED_PARTS:
+            check = Verification.prepare(part, rows, system, solve, determined)
+        of_best = None if best is None else best.of_part(part)
+        least_here = found.add_noise(part, rows, of_best, check)
+        if least_here is not None:
+            least[:, part.region.own] = least_here
         right = None if pose is None else pose.right_sides(part)
         if pose is not None and right is not None:
             found.pose[:, part.region.own] = pose.variance(rows.times(right))
-        if isinstance(rows, NearRows) and len(errors) < VERIFIED_PARTS:
-            noise = found.noise.sum(axis=3)
-            check = Verification(part, pose, right, noise, found.pose, determined)
-            errors.append(check.largest_error(rows, system, solve))
+        if check is not None:
+            errors.append(check.largest_error(found.noise.sum(axis=3), found.pose, pose, right))
     variance = None if pose is None else found.pose
     expected = 2 * found.expected @ factors
     own = found.noise[:, :, :3].sum(axis=3)
@@ -297,19 +307,69 @@ class Bounds:
             np.zeros((equations, group.max() + 1)),
         )
 
-    def add_noise(self, part: RegionSamples, rows: InverseRows) -> None:
-        """Add the noise of the part's own nodes, and of the residuals of the samples it owns."""
+    def add_noise(
+        self,
+        part: RegionSamples,
+        rows: InverseRows,
+        best: tuple[RegionSamples, InverseRows] | None = None,
+        check: Verification | None = None,
+    ) -> Array | None:
+        """Add the noise of the part's own nodes, and of the residuals of the samples it owns.
+
+        Parameters
+        ----------
+        best : tuple of RegionSamples and InverseRows, optional
+            The same part in the model of least variance.
+        check : Verification, optional
+            Of the part, which gets its exact variances.
+
+        Returns
+        -------
+        ndarray, shape (layer, own, parameter), optional
+            The least variance.
+        """
         own = part.region.own
         variances = [std**2 for std in part.model.pixel_std]
-        for group in range(self.noise.shape[3]):
-            views = [k for k, of in enumerate(self.group) if of == group]
-            nodal, fitted = rows.variances(
-                [part.influences[k] for k in views], [variances[k] for k in views]
-            )
-            self.noise[..., group][:, own] = nodal
-            self.expected[:, group] -= fitted if part.model.contravariant else fitted.sum()
-            for k in views:
-                self.expected[:, group] += _of_samples(part, k, variances[k])
+        for k, group in enumerate(self.group):
+            self.expected[:, group] += _of_samples(part, k, variances[k])
+        each = [(part, rows)] if best is None else [(part, rows), best]
+        near = [(p, r) for p, r in each if isinstance(r, NearRows)]
+
+        def of_view(k: int) -> list[tuple[Array, Array]]:
+            influences = view_influences([p for p, _ in near], k)
+            if check is not None:
+                check.add(influences[0], k)
+            return [
+                r.of_view(influence, variances[k], fitted=p is part)
+                for (p, r), influence in zip(near, influences, strict=True)
+            ]
+
+        by_view = side_by_side(of_view, range(len(variances))) if near else []
+        if isinstance(rows, WholeInverse):
+            for group in range(self.noise.shape[3]):
+                views = np.flatnonzero(self.group == group)
+                self._add_group(own, group, _whole(part, rows, views))
+        else:
+            for k, found in enumerate(by_view):
+                self._add_group(own, self.group[k], found[0])
+        if best is None:
+            return None
+        if isinstance(best[1], WholeInverse):
+            return _whole(*best, np.arange(len(variances)))[0]
+        return np.sum([found[-1][0] for found in by_view], axis=0)
+
+    def _add_group(self, own: IndexArray, group: int, found: tuple[Array, Array]) -> None:
+        """Add the variances of some views, and what they take from the residuals."""
+        nodal, fitted = found
+        self.noise[..., group][:, own] += nodal
+        self.expected[:, group] -= fitted if len(self.expected) > 1 else fitted.sum()
+
+
+def _whole(part: RegionSamples, rows: InverseRows, views: IndexArray) -> tuple[Array, Array]:
+    """Compute variances of some views together, of a small system."""
+    assert isinstance(rows, WholeInverse)
+    std = part.model.pixel_std
+    return rows.variances([part.influences[k] for k in views], [std[k] ** 2 for k in views])
 
 
 def _of_samples(part: RegionSamples, k: int, variance: Array) -> Array:
@@ -331,70 +391,85 @@ class Verification:
 
     Parameters
     ----------
-    right : ndarray, optional
-        Its right-hand sides.
-    noise : ndarray, shape (layer, surface_node, parameter)
-        Variances from the noise.
-    kept : ndarray, shape (layer, surface_node, parameter, ...)
-        Those from the poses, as `pose` gives them.
     determined : ndarray of bool, shape (layer, surface_node, parameter)
+    layer, node : ndarray of int
+        The nodes that are verified.
+    rows : ndarray, shape (node * parameter, patch node * parameter)
+        Of the inverse matrix, theirs.
+    noise : ndarray, shape (view, node * parameter)
+        Exact variances from the noise, view by view.
     """
 
     part: RegionSamples
-    pose: PoseEffect | None
-    right: Array | None
-    noise: Array
-    kept: Array
     determined: BoolArray
+    layer: IndexArray
+    node: IndexArray
+    rows: Array
+    noise: Array
 
-    def largest_error(self, rows: NearRows, system: NormalEquations, solve: Solve) -> float:
-        """Find the largest relative error of the standard errors of some of the part's nodes."""
-        layer, own = self._chosen(rows)
-        node, block = self.part.region.own[own], system.block
+    @classmethod
+    def prepare(
+        cls,
+        part: RegionSamples,
+        rows: NearRows,
+        system: NormalEquations,
+        solve: Solve,
+        determined: BoolArray,
+    ) -> Verification:
+        """Choose some nodes and solve for their rows of the inverse matrix."""
+        layer, own = _chosen(rows, determined[:, part.region.own])
+        node, block, parameters = part.region.own[own], system.block, determined.shape[2]
         unit = np.zeros((system.layers, system.graph.nodes, block, len(node), block))
         for i, (x, n) in enumerate(zip(layer, node, strict=True)):
             unit[x, n, :, i] = np.eye(block)
         columns = solve(unit.reshape(*unit.shape[:3], -1)).reshape(unit.shape)
-        inverse = columns[:, self.part.patch.nodes]
+        inverse = columns[:, part.patch.nodes]
         if block == 1:
-            inverse = inverse * np.eye(self.noise.shape[2])[:, None]
-        exact = self._variance(np.moveaxis(inverse, 3, 0))
-        worst = 0.0
-        for x, n, of_node in zip(layer, node, exact, strict=True):
-            known = self.determined[x, n] & np.all(of_node > 0, axis=1)
-            near = self.noise[x, n, known, None] + self._of_pose(self.kept[x, n, known])
-            ratio = np.sqrt(near / of_node[known])
-            worst = max(worst, float(np.abs(ratio - 1).max(initial=0.0)))
-        return worst
+            inverse = inverse * np.eye(parameters)[:, None]
+        inverse = np.moveaxis(inverse, 3, 0).reshape(len(node), -1, parameters)
+        of_nodes = np.swapaxes(inverse, 1, 2).reshape(len(node) * parameters, -1)
+        noise = np.zeros((len(part.model.pixel_std), len(of_nodes)))
+        return cls(part, determined, layer, node, of_nodes, noise)
 
-    def _variance(self, inverse: Array) -> Array:
-        """Compute variances of nodes' values, shape (node, parameter, column).
+    def add(self, influence: ViewInfluence, k: int) -> None:
+        """Compute the exact variances that a view's noise gives."""
+        variance = self.part.model.pixel_std[k] ** 2
+        self.noise[k] = variance @ (influence.apart.T @ self.rows.T) ** 2
+
+    def largest_error(
+        self, noise: Array, kept: Array, pose: PoseEffect | None, right: Array | None
+    ) -> float:
+        """Find the largest relative error of the standard errors of some of the part's nodes.
 
         Parameters
         ----------
-        inverse : ndarray, shape (node, layer, patch_node, parameter, parameter)
-            Each node's columns of ``M^-1``.
+        noise : ndarray, shape (layer, surface_node, parameter)
+            Variances from the noise.
+        kept : ndarray, shape (layer, surface_node, parameter, ...)
+            Those from the poses, as `pose` gives them.
+        right : ndarray, optional
+            The part's right-hand sides.
         """
-        nodes, size = len(inverse), inverse.shape[-1]
-        rows = np.swapaxes(inverse.reshape(nodes, -1, size), 1, 2).reshape(nodes * size, -1)
-        total = np.zeros((len(rows), 1))
-        for r, std in zip(self.part.influences, self.part.model.pixel_std, strict=True):
-            total += (std**2 @ (r.T @ rows.T) ** 2)[:, None]
-        if self.pose is not None and self.right is not None:
-            right = self.right.reshape(rows.shape[1], -1)
-            total = total + self._of_pose(self.pose.variance(rows @ right))
-        return total.reshape(nodes, size, -1)
+        exact = self.noise.sum(axis=0)[:, None]
+        if pose is not None and right is not None:
+            of_nodes = pose.variance(self.rows @ right.reshape(self.rows.shape[1], -1))
+            exact = exact + column_variances(pose, of_nodes)
+        exact = exact.reshape(len(self.node), self.determined.shape[2], -1)
+        worst = 0.0
+        for x, n, of_node in zip(self.layer, self.node, exact, strict=True):
+            known = self.determined[x, n] & np.all(of_node > 0, axis=1)
+            of_pose = kept[x, n, known]
+            of_pose = of_pose if pose is None else column_variances(pose, of_pose)
+            ratio = np.sqrt((noise[x, n, known, None] + of_pose) / of_node[known])
+            worst = max(worst, float(np.abs(ratio - 1).max(initial=0.0)))
+        return worst
 
-    def _of_pose(self, kept: Array) -> Array:
-        """Compute variances of the data's columns, shape (..., column)."""
-        return kept if self.pose is None else column_variances(self.pose, kept)
 
-    def _chosen(self, rows: NearRows) -> tuple[IndexArray, IndexArray]:
-        """Choose some nodes spread over the part, and one with the oddest information."""
-        determined = self.determined[:, self.part.region.own]
-        layers, count = determined.shape[:2]
-        own = np.linspace(0, count - 1, min(NODES, count)).round().astype(np.intp)
-        layer = np.arange(len(own)) * (layers - 1) // max(1, len(own) - 1)
-        far = np.abs(rows.turn - np.eye(rows.turn.shape[-1])).max(axis=(2, 3))
-        x, n = np.unravel_index(np.argmax(far * determined.all(axis=2)), far.shape)
-        return np.append(layer, x), np.append(own, n)
+def _chosen(rows: NearRows, determined: BoolArray) -> tuple[IndexArray, IndexArray]:
+    """Choose some nodes spread over a part's own, and one with the oddest information."""
+    layers, count = determined.shape[:2]
+    own = np.linspace(0, count - 1, min(NODES, count)).round().astype(np.intp)
+    layer = np.arange(len(own)) * (layers - 1) // max(1, len(own) - 1)
+    far = np.abs(rows.turn - np.eye(rows.turn.shape[-1])).max(axis=(2, 3))
+    x, n = np.unravel_index(np.argmax(far * determined.all(axis=2)), far.shape)
+    return np.append(layer, x), np.append(own, n)

@@ -274,26 +274,3 @@ def with_blocks(matrix: scipy.sparse.bsr_array, blocks: Array) -> scipy.sparse.b
     rows, columns = len(matrix.indptr) - 1, matrix.shape[1] // matrix.blocksize[1]
     shape = rows * blocks.shape[1], columns * blocks.shape[2]
     return scipy.sparse.bsr_array((blocks, matrix.indices, matrix.indptr), shape=shape)
-
-
-def layers_beside(influence: scipy.sparse.bsr_array, layers: int) -> scipy.sparse.bsr_array:
-    """Put the layers of a node beside one another, since they see nearly the same pixels.
-
-    Parameters
-    ----------
-    influence : bsr_array, shape (layer * node * p, pixel), blocks (p, 1)
-
-    Returns
-    -------
-    bsr_array, shape (node * p, pixel * layer), blocks (p, layer)
-    """
-    p, pixels = influence.blocksize[0], influence.shape[1]
-    nodes = influence.shape[0] // p // layers
-    row = np.repeat(np.arange(layers * nodes), np.diff(influence.indptr))
-    layer, node = np.divmod(row, nodes)
-    place, block = np.unique(node * pixels + influence.indices, return_inverse=True)
-    data = np.zeros((len(place), p, layers))
-    data[block, :, layer] = influence.data[..., 0]
-    start = np.searchsorted(place, pixels * np.arange(nodes + 1))
-    shape = nodes * p, pixels * layers
-    return scipy.sparse.bsr_array((data, place % pixels, start), shape=shape)

@@ -23,6 +23,8 @@ from sldvexp.typing import Array, BoolArray
 
 #: Columns from which a matrix without blocks is multiplied faster.
 MANY_COLUMNS = 32
+#: Columns up to which samples are summed themselves, without a matrix of the pixels.
+FEW_COLUMNS = 8
 #: Part of a node's samples that must determine something for the node to count as determined.
 SMALLEST_PART = 0.02
 #: Part of a node's samples that may be missing where none of the prisms at it has them all.
@@ -114,7 +116,8 @@ class EquationSums:
         self.right[:, nodes] += _right_side(part, self.data)
         self.ranked[:, nodes] += part.patch.to_nodes(_ranked(at, part.model.parameters))
         self.whole[:, nodes] += part.patch.to_nodes(np.ones((len(part.samples.position), 1)))
-        self.complete[:, nodes] += part.patch.to_nodes(_of_whole_prisms(part))
+        if self.one_by_one:
+            self.complete[:, nodes] += part.patch.to_nodes(_of_whole_prisms(part))
         self.rows += int(at.pointwise.rows.sum())
         self.samples += int(at.pointwise.kept.sum())
         seen = zip(part.visibility.views, part.samples.by_view, strict=True)
@@ -148,6 +151,9 @@ def _right_side(part: RegionSamples, data: list[Array]) -> Array:
     shape = part.patch.layers, len(part.patch.nodes), part.model.parameters, data[0].shape[1]
     if not shape[-1]:
         return np.zeros(shape)
+    if shape[-1] <= FEW_COLUMNS:
+        side = part.at.estimator @ part.velocities(data)
+        return part.patch.to_nodes(side.reshape(len(side), -1)).reshape(shape)
     total = sum(_product(r, velocity) for r, velocity in zip(part.influences, data, strict=True))
     return np.reshape(total, shape)
 

@@ -151,5 +151,7 @@ class LinearInterpolator(Interpolator):
 
     def slopes(self, at: Located, dac: Array, values: Array) -> Array:
         """Differentiate by both steps, shape (2, found, column)."""
-        corner = self.mesh.of_vertices(values)[at.corner]
-        return np.einsum("nka,nkc->anc", at.gradient, corner)
+        count, of_vertices = len(self.mesh.vertices), self.mesh.of_vertices(values)
+        return np.stack(
+            [rows_of(at.corner, at.gradient[..., a], count) @ of_vertices for a in range(2)]
+        )
