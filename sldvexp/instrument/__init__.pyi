@@ -1,5 +1,6 @@
 from .connection import DisturbanceError as DisturbanceError
 from .protocol import Acquisition as Acquisition
+from .protocol import Foresees as Foresees
 from .protocol import Instrument as Instrument
 from .protocol import InstrumentError as InstrumentError
 from .protocol import RawSamples as RawSamples

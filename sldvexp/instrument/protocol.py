@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field, replace
 from enum import IntFlag
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -159,6 +159,17 @@ class Instrument(Protocol):
 
         A simulated instrument draws the noise of scan line `stream` again whenever it is given the
         same number; to others it means nothing.
+        """
+
+
+@runtime_checkable
+class Foresees(Protocol):
+    """An instrument that makes use of knowing which lines come next."""
+
+    def expect(self, lines: Sequence[tuple[IntArray, int]]) -> None:
+        """Hear of lines, pixels and streams, before they are scanned as `Instrument.scan` says.
+
+        Some of them may never be, and others may come between them.
         """
 
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from sldvexp.dataset import Finding
 from sldvexp.geometry import KnownPose
-from sldvexp.instrument import Acquisition, Instrument, RawSamples
+from sldvexp.instrument import Acquisition, Foresees, Instrument, RawSamples
 from sldvexp.instrument.bench import make_safe
 from sldvexp.instrument.person import GuideMaker
 from sldvexp.instrument.recording import line_name as line_name
@@ -91,6 +91,7 @@ class Camera:
         self._set: Acquisition | None = None
         self._averages: Averaging | None = None
         self._taken, self._repeated = 0, planned
+        self._coming: list[tuple[IntArray, int]] = []  # lines and numbers that are asked for
 
     def __enter__(self) -> Camera:
         return self
@@ -196,6 +197,7 @@ class Camera:
         """Scan some lines; samples of each, or the sums of its records. See `image`."""
         assert self._wanted is not None, "call sample first"
         first, self._taken = self._taken, self._taken + len(lines)
+        self._coming = [(dac, first + place) for place, dac in enumerate(lines)]
         done: list[Measured] = []
         while not self._skips(name, lines, done, first) and len(done) < len(lines):
             done.append(self._line(name, lines, len(done), first))
@@ -215,7 +217,10 @@ class Camera:
     def _measure(self, dac: IntArray, number: int) -> Measured:
         """Measure a line, of which nothing is in the journal."""
         if self._averages is None:
-            return self.instrument.scan(dac, stream=number)
+            instrument = self.instrument
+            if isinstance(instrument, Foresees):
+                instrument.expect(self._coming)
+            return instrument.scan(dac, stream=number)
         return self._averages.measure(self.instrument, dac, number)
 
     def _skips(

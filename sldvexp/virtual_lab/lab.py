@@ -20,6 +20,7 @@ from sldvexp.signal import ExcitationKind
 from sldvexp.targets import Target
 from sldvexp.typing import Array, BoolArray, ComplexArray, IntArray
 from sldvexp.virtual_lab import camera
+from sldvexp.virtual_lab.ahead import ScannedLine, Stretch, drawn, stretches_of
 from sldvexp.virtual_lab.beam import Beams, SceneObject, beams
 from sldvexp.virtual_lab.calibration_scene import CalibrationObject
 from sldvexp.virtual_lab.electronics import Electronics, PixelNoise
@@ -31,6 +32,8 @@ from sldvexp.virtual_lab.transients import DIFFERENT, Transients, long_period
 #: Pixels computed at once, filled up if they are fewer: arithmetic in arrays of one shape gives a
 #: pixel the same last bits wherever it stands in a list.
 BLOCK = 64
+#: Blocks that short scan lines fill together, if it is known that they come.
+AHEAD = 8
 
 
 class VirtualLab:
@@ -74,6 +77,8 @@ class VirtualLab:
         self.objects = scene.objects(target, rng)
         self._acquisition: Acquisition | None = None
         self._moved: tuple[object, Transients] | None = None
+        self._expected: Sequence[tuple[IntArray, int]] = ()
+        self._ahead: dict[int, ScannedLine] = {}
         self.start_stream(0)
         self.use_view(next(iter(scene.views)))
 
@@ -87,6 +92,7 @@ class VirtualLab:
         """Stand where a view says; UserError if the scene has no such view."""
         rotation, origin = self.true_pose(name)
         self.view = name
+        self._ahead = {}
         self._rotation, self._origin = rotation, origin
         self._pictured: NDArray[np.uint8] | None = None
         self._noise = PixelNoise(self._seed, name)
@@ -120,6 +126,7 @@ class VirtualLab:
             raise InstrumentError(
                 f"configure: frequencies must be positive and the amplitude not negative, not {a}"
             )
+        self._ahead = {}
         a = self._acquisition = replace(a, amplitude=a.amplitude * self.scene.generator_gain)
         self._frequency = np.array(a.excitation, float) * (1.0 + self.scene.generator_error)
         scene = self.scene
@@ -162,12 +169,14 @@ class VirtualLab:
         steps = self._checked(np.asarray(dac))
         if stream is not None:
             self.start_stream(stream)
+            if (known := self._known(steps, stream)) is not None:
+                return known
         records = self._acquisition.records
         counts = np.empty((len(steps) * records, 2, self._acquisition.samples), np.int16)
         status = np.empty(len(steps) * records, np.uint8)
         moving = self._acquisition.drive is not None
         visits = steps if moving else np.repeat(steps, records, axis=0)
-        block, each = (self._moving_block, records) if moving else (self._block, 1)
+        block, each = (self._moving_block, records) if moving else (self._here, 1)
         for begin in range(0, len(visits), BLOCK):
             end = min(begin + BLOCK, len(visits))
             counts[begin * each : end * each], status[begin * each : end * each] = block(
@@ -177,6 +186,57 @@ class VirtualLab:
             self.position = (int(steps[-1, 0]), int(steps[-1, 1]))
         scales = self._electronics.volts_per_count
         return RawSamples(counts, scales, self._acquisition.rate, status, records)
+
+    def expect(self, lines: Sequence[tuple[IntArray, int]]) -> None:
+        """Hear of lines that are going to be scanned; see `sldvexp.instrument.Foresees`.
+
+        They come out as they would unannounced, to the bit, but short ones share blocks.
+        """
+        if lines is not self._expected:
+            self._expected, self._ahead = lines, {}
+
+    def _known(self, steps: IntArray, stream: int) -> RawSamples | None:
+        """Scan a short line that was announced, together with those after it; None of others."""
+        a, shutter = self._acquisition, self.shutter_open
+        assert a is not None
+        if a.records != 1 or a.drive is not None or not 0 < len(steps) < BLOCK or not shutter:
+            return None
+        if stream not in self._ahead:
+            self._ahead = self._computed_ahead(stream)
+        line = self._ahead.pop(stream, None)
+        if line is None or not np.array_equal(line.dac, steps):
+            return None
+        self._path, self._pixel = line.path, len(steps)
+        self.position = (int(steps[-1, 0]), int(steps[-1, 1]))
+        scales = self._electronics.volts_per_count
+        return RawSamples(line.counts, scales, a.rate, line.status, a.records)
+
+    def _computed_ahead(self, stream: int) -> dict[int, ScannedLine]:
+        """Scan announced lines from one on, as long as they are short and fill blocks together."""
+        told = [number for _, number in self._expected]
+        taken: list[tuple[IntArray, int]] = []
+        for dac, number in self._expected[told.index(stream) :] if stream in told else ():
+            pixels = sum(len(d) for d, _ in taken) + len(dac)
+            if not len(dac) < BLOCK or pixels > AHEAD * BLOCK:
+                break
+            try:
+                taken.append((self._checked(np.asarray(dac)), number))
+            except InstrumentError:  # which is told when its turn has come
+                break
+        if len(taken) < 2:
+            return {}
+        steps = np.concatenate([dac for dac, _ in taken])
+        owner = np.repeat(np.arange(len(taken)), [len(dac) for dac, _ in taken])
+        paths = [MirrorPath(self._pointing, self.mirrors, number) for _, number in taken]
+        numbers = [number for _, number in taken]
+        blocks = []
+        for some, found, stretches in stretches_of(owner, numbers, BLOCK):
+            blocks.append(self._block(steps[some], stretches, [paths[k] for k in found]))
+        counts, status = (np.concatenate(each) for each in zip(*blocks, strict=True))
+        return {
+            number: ScannedLine(dac, counts[owner == k], status[owner == k], paths[k])
+            for k, (dac, number) in enumerate(taken)
+        }
 
     def true_pose(self, view: str) -> tuple[Array, Array]:
         """Return rotation (3, 3), world to laser, and origin (3,), m, of a view."""
@@ -334,17 +394,25 @@ class VirtualLab:
     ) -> Beams:
         return beams(self.mirrors, self._wired(dac), *pose, self.scene.spot, error)
 
-    def _block(self, dac: IntArray) -> tuple[NDArray[np.int16], NDArray[np.uint8]]:
-        """Acquire counts and status of at most BLOCK pixels."""
+    def _here(self, dac: IntArray) -> tuple[NDArray[np.int16], NDArray[np.uint8]]:
+        """Acquire counts and status of at most BLOCK pixels, the next of the line."""
+        stretch = Stretch(self._stream, self._pixel, len(dac))
+        self._pixel += len(dac)
+        return self._block(dac, [stretch], [self._path])
+
+    def _block(
+        self, dac: IntArray, stretches: Sequence[Stretch], paths: Sequence[MirrorPath]
+    ) -> tuple[NDArray[np.int16], NDArray[np.uint8]]:
+        """Acquire counts and status of at most BLOCK pixels, of one line or of several."""
         assert self._acquisition is not None
         n, samples = len(dac), self._acquisition.samples
         filled = dac[np.minimum(np.arange(BLOCK), n - 1)]
         noisier = self._noisier(filled)
-        velocity, lit = self._look(filled, self._pointing_error(filled, n, noisier))
-        uniform, normal = self._noise.draw(self._stream, self._pixel, n, samples)
+        error = self._pointing_error(filled, noisier, stretches, paths)
+        velocity, lit = self._look(filled, error)
+        uniform, normal = drawn(self._noise, stretches, samples)
         velocity *= self._acquisition.amplitude
-        self._spoil_by_speckle(velocity[:n])
-        self._pixel += n
+        self._spoil_by_speckle(velocity[:n], stretches)
         own = None if noisier is None else noisier[:n]
         return self._electronics.record(velocity, lit, uniform, normal, own)
 
@@ -355,7 +423,9 @@ class VirtualLab:
         assert a.drive is not None
         filled = dac[np.minimum(np.arange(BLOCK), n - 1)]
         noisier = self._noisier(filled)
-        coefficient, lit = self._terms(filled, self._pointing_error(filled, n, noisier))
+        stretch = Stretch(self._stream, self._pixel, n)
+        error = self._pointing_error(filled, noisier, [stretch], [self._path])
+        coefficient, lit = self._terms(filled, error)
         self._spoil_terms(coefficient[:n])
         motion = self._motion()
         power = motion.power(coefficient)
@@ -450,21 +520,31 @@ class VirtualLab:
         distance = np.min([o.seen(light, np.zeros(0))[0] for o in self.objects], axis=0)
         return self.scene.vibrometer.distance.factor(distance, self._pointing.worst)
 
-    def _pointing_error(self, dac: IntArray, n: int, noisier: Array | None) -> Array | None:
-        """Find how far the angles are off at the first n of the pixels, the rest as the last."""
+    def _pointing_error(
+        self,
+        dac: IntArray,
+        noisier: Array | None,
+        stretches: Sequence[Stretch],
+        paths: Sequence[MirrorPath],
+    ) -> Array | None:
+        """Find how far the angles are off at the pixels of stretches, the rest as the last."""
         if not self._pointing.moves:
             return None
-        normal = self._jitter.draw(self._stream, self._pixel, n, 1)[1].astype(float)
+        normal = drawn(self._jitter, stretches, 1)[1].astype(float)
+        n = len(normal)
         jitter = normal[:, :, 0] * (1.0 if noisier is None else noisier[:n, None])
-        error = self._path.error(self._wired(dac[:n]), jitter)
+        ends = np.cumsum([stretch.pixels for stretch in stretches])
+        steps, jitters = (np.split(each, ends[:-1]) for each in (self._wired(dac[:n]), jitter))
+        along = zip(paths, steps, jitters, strict=True)
+        error = np.concatenate([path.error(dac, normal) for path, dac, normal in along])
         return error[np.minimum(np.arange(len(dac)), n - 1)]
 
-    def _spoil_by_speckle(self, velocity: ComplexArray) -> None:
+    def _spoil_by_speckle(self, velocity: ComplexArray, stretches: Sequence[Stretch]) -> None:
         """Replace the velocities (pixel, tone) of some pixels by random ones."""
         v = self.scene.vibrometer
         if not v.unflagged:
             return
-        uniform, normal = self._speckle.draw(self._stream, self._pixel, *velocity.shape)
+        uniform, normal = drawn(self._speckle, stretches, velocity.shape[1])
         wrong = uniform[:, 0] < v.unflagged
         random = (normal[:, 0] + 1j * normal[:, 1]) * v.unflagged_velocity / math.sqrt(2.0)
         velocity[wrong] = random[wrong]

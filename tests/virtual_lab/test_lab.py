@@ -200,3 +200,54 @@ def test_what_the_instrument_refuses(lab):
     fresh = VirtualLab(ours.scene, ours.mirrors, circles)
     with pytest.raises(InstrumentError, match="not configured; call configure first"):
         fresh.acquire()
+
+
+#: What a beam may meet on its way, so that all random numbers of a pixel are drawn.
+WHOLE = ("scene.pointing=chapter_4", "scene.vibrometer.unflagged=0.2")
+
+
+def counted(ours):
+    """Blocks that a lab computes from now on."""
+    blocks, usual = [], ours._block
+
+    def block(*what):
+        blocks.append(what)
+        return usual(*what)
+
+    ours._block = block
+    return blocks
+
+
+@pytest.mark.parametrize("scene", ["calibration", "plate"])
+def test_lines_that_are_announced_are_the_same_to_the_bit(lab, scene):
+    """Short ones share blocks: 20 lines of 25 pixels are 8 blocks. A long one has its own."""
+    every = [(line, k + 7) for k, line in enumerate(lines(20))]
+    every.insert(9, (lines(1, 3 * BLOCK)[0], 99))
+    told, alone = lab(scene, *WHOLE), lab(scene, *WHOLE)
+    blocks = counted(told)
+    for line, number in every:
+        told.expect(every)
+        assert same(told.scan(line, stream=number), alone.scan(line, stream=number))
+        assert told.position == alone.position
+        assert same(told.scan(line[:3]), alone.scan(line[:3]))  # the line goes on
+    assert len(blocks) - len(every) == 4 + 3 + 5
+
+
+def test_what_was_announced_may_come_otherwise(lab):
+    """In another order, again, with other pixels, in another view, or never."""
+    every = [(line, k) for k, line in enumerate(lines(8))]
+    told, alone = lab("plate", *WHOLE), lab("plate", *WHOLE)
+    other = (every[3][0] + 1, 3)
+    beyond = (every[0][0] + 10**6, 8)
+    told.expect([*every, beyond])
+    order = [every[5], every[0], every[0], every[1], other, every[2], every[7]]
+    for k, (line, number) in enumerate(order):
+        assert same(told.scan(line, stream=number), alone.scan(line, stream=number))
+        if k == 4:
+            for ours in (told, alone):
+                ours.use_view("2")
+        if k == 5:
+            for ours in (told, alone):
+                ours.configure(Acquisition(10000.0, 512, (700.0,)))
+    with pytest.raises(InstrumentError, match="the board has"):
+        told.scan(*beyond)
