@@ -45,6 +45,8 @@ NEGLIGIBLE = 1e-3
 UNSEEN = 40.0
 #: Relative eigenvalue of a penalty that counts as zero.
 NULL = 1e-9
+#: Columns of data whose covariances are in memory together.
+MATRICES = 16
 #: Standard errors of an energy beyond which data reject a signal, one-sided at 5 %.
 REJECTED = 1.645
 
@@ -357,6 +359,18 @@ class WeightedFit:
 
         It is that of the mixture, ``sum share (H^-1 + (theta - mean) (theta - mean)')``.
         """
+        if self.reduced.shape[1] > MATRICES:
+            return self._covariance(column)
+        if column not in self._covariances:
+            self._covariances[column] = self._covariance(column)
+        return self._covariances[column]
+
+    @cached_property
+    def _covariances(self) -> dict[int, Array]:
+        """Covariances of columns that were asked for, where these are few."""
+        return {}
+
+    def _covariance(self, column: int) -> Array:
         mean, found = self._mean[:, [column]], np.zeros((len(self.reduced),) * 2)
         for level, (of_data, to_data), share in zip(
             self.levels, self._whitened, self.share, strict=True

@@ -88,7 +88,7 @@ class LocalRows:
 
     @cached_property
     def _along(self) -> dict[tuple[bool, int], tuple[IntArray, Array]]:
-        """Cells and distances from their middles, of both kinds of splines and both directions."""
+        """Cells, and coordinates in the unit, of both kinds of splines and both directions."""
         found = {}
         for of_w, splines in ((False, self.shell.membrane), (True, self.shell.bending)):
             for axis, own in enumerate((splines.along_s, splines.along_t)):
@@ -266,8 +266,9 @@ class LocalRows:
         s, t = splines.along_s, splines.along_t
         own = spread[block.begin : block.begin + splines.count].reshape(s.count, t.count, columns)
         by_cell = own[s.functions[:, None, :, None], t.functions[None, :, None, :]]
-        by_cell = by_cell.reshape(s.cells, t.cells, s.degree + 1, -1)
-        return by_cell[self._along[block.of_w, 0][0], self._along[block.of_w, 1][0]]
+        by_cell = by_cell.reshape(s.cells * t.cells, s.degree + 1, -1)
+        cell = self._along[block.of_w, 0][0] * t.cells + self._along[block.of_w, 1][0]
+        return by_cell.take(cell, axis=0)
 
 
 def blocks_of(shell: SplinedShell) -> list[_Block]:

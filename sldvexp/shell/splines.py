@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from math import comb, factorial
+from math import comb
 
 import numpy as np
 
@@ -77,61 +77,47 @@ class Splines:
         number = np.arange(self.cells)[:, None] + np.arange(self.degree + 1)
         return number % self.cells if self.periodic else number
 
-    @cached_property
-    def _polynomials(self) -> list[Array]:
-        """Polynomials of these functions and of their derivatives, (cell, power, function) each.
-
-        They are those of the distance from a cell's middle over half its width: of all the places
-        where a polynomial can be developed that is the one with the least round-off.
-        """
-        count, half = self.cells + self.degree, self.half_width
-        spline = scipy.interpolate.BSpline(self.knots, np.eye(count), self.degree)
-        middle = (self.ends[1:] + self.ends[:-1]) / 2
-        cell = np.arange(self.cells)[:, None]
-        own = cell + np.arange(self.degree + 1)
-        powers = [
-            spline(middle, nu=k)[cell, own] * half**k / factorial(k) for k in range(self.degree + 1)
-        ]
-        found = [np.stack(powers, axis=1)]
-        for _ in range(self.degree):
-            power = np.arange(1, found[-1].shape[1])[:, None]
-            found.append(found[-1][:, 1:] * power / half)
-        return found
-
-    @property
-    def half_width(self) -> float:
-        """Half the width of a cell, in the unit."""
-        return (self.high - self.low) / self.cells / 2
-
     def cell_of(self, x: Array) -> tuple[IntArray, Array]:
-        """Find the cells of places, and how far these are from its middle, over half its width.
+        """Find the cells of places, and where these are within the period.
 
         Beyond the ends it is the last cell, whose polynomials go on there.
         """
-        from_low = x - self.low
+        from_low, width = x - self.low, (self.high - self.low) / self.cells
         if self.periodic:
             from_low = from_low % (self.high - self.low)
-        width = 2 * self.half_width
-        cell = np.clip((from_low / width).astype(np.intp), 0, self.cells - 1)
-        return cell, (from_low - (cell + 0.5) * width) / self.half_width
+            x = self.low + from_low
+        return np.clip((from_low / width).astype(np.intp), 0, self.cells - 1), x
 
-    def local(self, cell: IntArray, off: Array, order: int) -> Array:
+    def local(self, cell: IntArray, x: Array, order: int) -> Array:
         """Evaluate a derivative of the functions that are not zero, shape (point, degree + 1).
+
+        De Boor's recursion adds up what is positive, so that even a value that is nearly zero, by
+        which alone a pixel may tell of a function at the rim, has all of its digits.
 
         Parameters
         ----------
-        cell, off : ndarray, shape (point,)
+        cell, x : ndarray, shape (point,)
             As `cell_of` has them.
         order : int
         """
         if order > self.degree:
             return np.zeros((len(cell), self.degree + 1))
-        polynomial = self._polynomials[order]
-        found = polynomial[cell, -1]
-        for power in range(polynomial.shape[1] - 2, -1, -1):
-            found *= off[:, None]
-            found += polynomial[cell, power]
-        return np.asarray(found)
+        beside = np.arange(1 - self.degree, self.degree + 1)[:, None]
+        near = self.knots[np.arange(self.cells) + self.degree + beside]  # of one cell, (knot, cell)
+        off, middle = near.take(cell, axis=1) - x, self.degree
+        found = np.ones((1, len(cell)))
+        for degree in range(1, self.degree + 1):
+            after, before = slice(middle, middle + degree), slice(middle - degree, middle)
+            found = found * (1 / (near[after] - near[before])).take(cell, axis=1)
+            raised = np.zeros((degree + 1, len(cell)))
+            if degree <= self.degree - order:
+                raised[:-1] = off[after] * found
+                raised[1:] -= off[before] * found
+            else:
+                raised[:-1] = -degree * found
+                raised[1:] += degree * found
+            found = raised
+        return np.ascontiguousarray(found.T)
 
     def gram(self, order: int) -> Array:
         """Integrate products of two derivatives, shape (function, function); exactly."""

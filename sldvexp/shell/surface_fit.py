@@ -17,7 +17,7 @@ from sldvexp.field import View
 from sldvexp.field.bounds.pose_uncertainty import POSE
 from sldvexp.laser import TwoMirror
 from sldvexp.shell.columns import SignalColumns
-from sldvexp.shell.evidence import WeightedFit
+from sldvexp.shell.evidence import MATRICES, WeightedFit
 from sldvexp.shell.functionals import Functionals, Rows
 from sldvexp.shell.love import ThinShell
 from sldvexp.shell.measured import Measured, blocks
@@ -39,8 +39,6 @@ TYPICAL = 0.05
 FEWEST = 30
 #: Change of the errors, in standard deviations, below which nothing is repeated, and repetitions.
 SETTLED, REPEATED = 0.05, 4
-#: Columns of data whose covariances are in memory together.
-MATRICES = 16
 
 
 @dataclass(frozen=True, eq=False)
@@ -315,6 +313,16 @@ class _Equations:
         """Columns that carry the signal."""
         return SignalColumns.of(self._white, self.measured.scale)
 
+    @cached_property
+    def known(self) -> Array:
+        """Priors' precision that needs no weight, over that of the velocities' size."""
+        return self.shell.known_precision() + self.shell.squares() / LARGEST**2
+
+    @cached_property
+    def penalties(self) -> list[Array]:
+        """Priors' precisions but for their weights, as `ThinShell.penalties` has them."""
+        return self.shell.penalties(self.length)
+
     def _white(self) -> Iterator[Array]:
         """Give velocities of some pixels at a time over their noise, real parts before others."""
         m = self.measured
@@ -345,12 +353,11 @@ class _Equations:
         )
         normal, right = equations.products()
         size = np.sqrt(np.mean((data[:, 0] * self.measured.pixel_std) ** 2))
-        known = (self.shell.known_precision() + self.shell.squares() / LARGEST**2) / size**2
         posterior = WeightedFit.of(
-            normal + known,
+            normal + self.known / size**2,
             right,
             (data**2).sum(axis=0),
-            self.shell.penalties(self.length),
+            self.penalties,
             [grid - 2 * np.log(size) for grid in WEIGHTS],
             np.inf if self.length is None else TYPICAL * size,
         )

@@ -55,7 +55,7 @@ def test_functions_of_a_cell_are_the_splines_that_are_not_zero_there(periodic, d
     splines = Splines(-0.43, 1.2, 13, degree, periodic)
     # Beyond the ends too, where open splines go on and closed ones come back.
     x = np.r_[np.random.default_rng(1).uniform(-0.5, 1.3, 300), splines.ends[1:-1]]
-    cell, off = splines.cell_of(x)
+    cell, within = splines.cell_of(x)
     for order in range(degree + 1):
         # The last derivative jumps where cells meet.
         some = slice(300) if order == degree else slice(None)
@@ -63,11 +63,11 @@ def test_functions_of_a_cell_are_the_splines_that_are_not_zero_there(periodic, d
         np.add.at(
             found,
             (np.arange(len(x))[:, None], splines.functions[cell]),
-            splines.local(cell, off, order),
+            splines.local(cell, within, order),
         )
         wanted = splines(x, order)
         assert_same(found[some], wanted[some])
-    assert not splines.local(cell, off, degree + 1).any()
+    assert not splines.local(cell, within, degree + 1).any()
 
 
 @pytest.mark.parametrize("made", [plate, tube])
