@@ -18,7 +18,7 @@ from typing import Any
 from hydra._internal import defaults_list
 from hydra._internal.config_loader_impl import ConfigLoaderImpl
 from hydra._internal.config_repository import IConfigRepository
-from hydra._internal.defaults_list import DefaultsList
+from hydra._internal.defaults_list import DefaultsList, Overrides
 from hydra.core.config_search_path import ConfigSearchPath
 from hydra.core.default_element import InputDefault, ResultDefault
 from hydra.core.override_parser.types import Override
@@ -100,9 +100,11 @@ def _choices_where_referred_to() -> Iterator[None]:
     """
     usual = defaults_list._create_interpolation_map
 
-    def made(overrides: Any, defaults: list[InputDefault], self_added: bool) -> DictConfig:
-        referred_to = any(default.is_interpolation() for default in defaults)
-        return usual(overrides, defaults, self_added) if referred_to else DictConfig({})
+    def made(
+        overrides: Overrides, defaults_list: list[InputDefault], self_added: bool
+    ) -> DictConfig:
+        referred_to = any(default.is_interpolation() for default in defaults_list)
+        return usual(overrides, defaults_list, self_added) if referred_to else DictConfig({})
 
     defaults_list._create_interpolation_map = made
     try:

@@ -39,7 +39,7 @@ def _count(change: int) -> None:
     with _counting:
         _users += change
         for kind, usual in _USUAL.items():
-            kind.__deepcopy__ = _deepcopy if _users else usual  # type: ignore[attr-defined]
+            setattr(kind, "__deepcopy__", _deepcopy if _users else usual)  # noqa: B010
 
 
 def _deepcopy(node: DictConfig | ListConfig, memo: dict[int, Any]) -> Any:

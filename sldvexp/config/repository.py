@@ -105,7 +105,7 @@ class RememberingRepository(ConfigRepository):
     def load_config(self, config_path: str) -> ConfigResult | None:
         """See `ConfigRepository`."""
         source = self._find_object_source(config_path, ObjectType.CONFIG)
-        state = source and _state(source, config_path)
+        state = _state(source, config_path) if source else None
         if source is None or state is None:
             return self._load(config_path)
         key = source.scheme(), source.provider, source.path, config_path, *state

@@ -50,7 +50,10 @@ def test_harmonics_on_other_lines_are_named_with_their_ratio_and_lines_count_for
     assert before.modes.sizes["harmonic"] == 0
 
 
-@pytest.mark.parametrize("seeds", [4, pytest.param(40, marks=pytest.mark.long)])
+@pytest.mark.parametrize(
+    "seeds",
+    [2, pytest.param(4, marks=pytest.mark.whole), pytest.param(40, marks=pytest.mark.long)],
+)
 def test_bounds_hold_with_harmonics_and_would_not_without_their_weights(seeds):
     """Errors over standard errors of sessions, with lines weighted and not."""
     weighted, plain = [], []

@@ -108,7 +108,10 @@ def test_bounds_cover_the_truth(stepped, trials, pointing):
     assert alarms <= 1 + 0.01 * trials + 4 * np.sqrt(0.01 * trials)
 
 
-@pytest.mark.parametrize("trials", [10, pytest.param(200, marks=pytest.mark.long)])
+@pytest.mark.parametrize(
+    "trials",
+    [4, pytest.param(10, marks=pytest.mark.whole), pytest.param(200, marks=pytest.mark.long)],
+)
 def test_edges_that_hysteresis_displaces_alike_are_in_the_bounds(stepped, trials):
     rng, part, hysteresis = np.random.default_rng(9), mesh(STEPPED), 2e-5
     square, without = [], []
