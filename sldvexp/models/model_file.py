@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 from omegaconf import MISSING
 
@@ -63,6 +64,11 @@ class ModelFile(ModelSource):
 
     def read(self) -> FiniteElementModel:
         """See `ModelSource`."""
+        return self._own
+
+    @cached_property
+    def _own(self) -> FiniteElementModel:
+        """Model of the file, which is read once for the check before measuring and for its test."""
         shapes = None if self.shapes is None else locate(self.shapes)
         return read_model(
             locate(self.path), self.unit.value, shapes, self.frequencies, self.containing
@@ -75,20 +81,31 @@ class ModelFile(ModelSource):
 
     def sensitivities(self, model: FiniteElementModel) -> dict[str, Array]:
         """See `ModelSource`; of parameters with a file of another value, from that."""
-        found = {}
-        for name, p in self.parameters.items():
-            if p.varied.path:
-                other = self._other(p.varied.path)
-                found[name] = sensitivity_of(self.read(), other, p.varied.value / p.value)
-            else:
-                found[name] = self.given_sensitivity(name, p, model)
-        return found
+        return {
+            n: self._varied[n] if p.varied.path else self.given_sensitivity(n, p, model)
+            for n, p in self.parameters.items()
+        }
+
+    @cached_property
+    def _varied(self) -> dict[str, Array]:
+        """Sensitivities of the parameters that have a file of another value."""
+        return {
+            n: sensitivity_of(self._own, self._other(p.varied.path), p.varied.value / p.value)
+            for n, p in self.parameters.items()
+            if p.varied.path
+        }
 
     def discretisation_of(self, model: FiniteElementModel) -> Array:
         """See `ModelSource`; from a coarser mesh if there is one."""
         if self.coarser is None:
             return super().discretisation_of(model)
-        return mesh_error(self.read(), self._other(self.coarser), self.order)
+        return self._mesh_error
+
+    @cached_property
+    def _mesh_error(self) -> Array:
+        """Relative error of the frequencies, as the coarser mesh tells it."""
+        assert self.coarser is not None
+        return mesh_error(self._own, self._other(self.coarser), self.order)
 
     def _other(self, path: str) -> FiniteElementModel:
         """Read another file of the structure, with its own frequencies."""

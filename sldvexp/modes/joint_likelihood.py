@@ -24,7 +24,7 @@ from sldvexp.modes.variable_projection import (
     STEP,
     Change,
     FitQuality,
-    Projection,
+    VariableProjection,
     may_be_one,
     most_likely_unknowns,
     require_lines,
@@ -318,7 +318,7 @@ def _evaluated(lines: JointLines, model: Participation) -> SharedFit:
     return SharedFit(model, covariance, last.chi_square, dof, last.by_line(lines.lines))
 
 
-def _projection(lines: JointLines, model: Participation) -> Projection:
+def _projection(lines: JointLines, model: Participation) -> VariableProjection:
     """Project the responses of all references at given poles and shares."""
     weighted = lines.principal.weighted
     rows, values = weighted(model.columns(lines.omega)), split(lines.principal.values.T)
@@ -326,4 +326,4 @@ def _projection(lines: JointLines, model: Participation) -> Projection:
     def changes() -> Iterator[Change]:
         return ((own, weighted(change)) for own, change in model.changes(lines.omega))
 
-    return Projection(rows, values, changes)
+    return VariableProjection(rows, values, changes)

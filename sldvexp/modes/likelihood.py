@@ -19,7 +19,7 @@ from sldvexp.modes.variable_projection import (
     STEP,
     Change,
     FitQuality,
-    Projection,
+    VariableProjection,
     may_be_one,
     most_likely_unknowns,
     require_lines,
@@ -182,7 +182,7 @@ def _poles_at(unknowns: Array) -> ComplexArray:
     return poles_of(*np.exp(unknowns).reshape(2, -1))
 
 
-def _projection(responses: PrincipalResponses, poles: ComplexArray) -> Projection:
+def _projection(responses: PrincipalResponses, poles: ComplexArray) -> VariableProjection:
     """Project the responses at given poles."""
     count, omega = len(poles), responses.omega
 
@@ -193,4 +193,4 @@ def _projection(responses: PrincipalResponses, poles: ComplexArray) -> Projectio
             yield [mode, count + mode], responses.weighted(change)
 
     rows = responses.weighted(basis(poles, omega))
-    return Projection(rows, split(responses.values.T), changes)
+    return VariableProjection(rows, split(responses.values.T), changes)

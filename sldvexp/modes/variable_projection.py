@@ -36,7 +36,7 @@ LEVEL = 1e-6
 Change = tuple[Sequence[int], Array]
 
 
-class Projection:
+class VariableProjection:
     """Least squares of the linear coefficients.
 
     Parameters
@@ -92,7 +92,7 @@ class Projection:
 
 
 def most_likely_unknowns(
-    project: Callable[[Array], Projection],
+    project: Callable[[Array], VariableProjection],
     start: Array,
     bounds: tuple[Array, Array],
     steps: Array,

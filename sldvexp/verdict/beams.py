@@ -15,8 +15,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sldvexp.field import View
-from sldvexp.field.visibility.projection import BULGE, image_plane, to_laser
-from sldvexp.geometry import Bins, skew
+from sldvexp.field.visibility.projection import image_plane, to_laser, triangle_bins
+from sldvexp.geometry import skew
 from sldvexp.laser import TwoMirror, project, rays
 from sldvexp.typing import Array, IndexArray
 from sldvexp.volume import Prisms, Volume
@@ -156,9 +156,7 @@ def _first_met(
     ahead = np.flatnonzero((in_laser[..., 2] > 0).all(axis=1))
     if not len(ahead) or not len(begin):
         return (*np.zeros((2, 0), np.intp), np.zeros(0), np.zeros((0, 3)))
-    plane = image_plane(project(in_laser[ahead], laser.mirror_offset))
-    bulge = BULGE * np.ptp(plane, axis=1)
-    bins = Bins.from_boxes(plane.min(axis=1) - bulge, plane.max(axis=1) + bulge)
+    bins = triangle_bins(in_laser[ahead], laser)
     end = project(to_laser(view, begin + way), laser.mirror_offset)
     beam, box = bins.pairs(image_plane(end))
     triangle = ahead[box]

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from sldvexp.errors import ConfigError, UserError
-from sldvexp.models import ModelFile, ModelParameter, universal_text
+from sldvexp.models import ModelFile, ModelParameter, model_file, universal_text
 from sldvexp.models.base import VariedModel
 from sldvexp.models.estimate import examine_model
+from sldvexp.models.readers import read_model
 from tests.models.made_models import (
     CENTER,
     LASER,
@@ -96,6 +97,29 @@ def test_sensitivities_are_told_by_files_with_another_value(tmp_path):
     updated = examine_model(tree, LASER, one).updated
     assert abs(np.log(updated.factor[0] / 1.2)) < 3 * updated.std[0]
     assert updated.std[0] < 0.01
+
+
+def test_files_are_read_once_for_the_check_and_for_the_test(tmp_path, monkeypatch):
+    model = own_axes()
+    path = written(tmp_path, universal_text(model), "model.uff")
+    stiff = replace(model, frequency=model.frequency * np.sqrt(1.03))
+    parameters = {
+        name: ModelParameter(70e9, 0.7e9, varied=varied(tmp_path, name, 72.1e9, stiff))
+        for name in ("E", "G")
+    }
+    one, read = source(path, parameters=parameters), []
+
+    def counted(place, *settings):
+        read.append(place.name)
+        return read_model(place, *settings)
+
+    monkeypatch.setattr(model_file, "read_model", counted)
+    one.check_further(one.model())
+    checked = one.sensitivities(one.model())
+    tree = Measured(true_plate(), views=2, shape=(9, 11)).tree(0, pose_std=POSE_STD)
+    examined = examine_model(tree, LASER, one)
+    assert sorted(read) == ["E.uff", "G.uff", "model.uff"]
+    np.testing.assert_array_equal(examined.known.sensitivity["E"], checked["E"])
 
 
 def test_modes_that_change_places_keep_their_sensitivity(tmp_path):

@@ -220,6 +220,21 @@ def angle_slope(laser: TwoMirror, dac: Array) -> Array:
 
 #: Of its size: how far the image of a triangle may bulge out of the box of its corners.
 BULGE = 0.02
+
+
+def triangle_bins(corner: Array, laser: TwoMirror) -> Bins:
+    """Sort triangles into bins by the boxes that their images lie in.
+
+    Parameters
+    ----------
+    corner : ndarray, shape (triangle, 3, 3), m
+        In the laser's frame, in front of the instrument.
+    """
+    plane = image_plane(project(corner, laser.mirror_offset))
+    bulge = BULGE * np.ptp(plane, axis=1)
+    return Bins.from_boxes(plane.min(axis=1) - bulge, plane.max(axis=1) + bulge)
+
+
 #: How many beams meet their triangles at once.
 BLOCK = 65536
 
@@ -267,10 +282,7 @@ class Occlusion:
         corner = corner[(corner[..., 2] > 0).all(axis=1)]
         if not len(corner):
             raise UserError(f"view {view.name}: the whole surface is behind the instrument")
-        plane = image_plane(project(corner, laser.mirror_offset))
-        bulge = BULGE * np.ptp(plane, axis=1)
-        bins = Bins.from_boxes(plane.min(axis=1) - bulge, plane.max(axis=1) + bulge)
-        return cls(view, laser.mirror_offset, corner, clearance, bins)
+        return cls(view, laser.mirror_offset, corner, clearance, triangle_bins(corner, laser))
 
     def hides(self, points: Array) -> BoolArray:
         """Mark points that stand behind the surface, shape (point,).
