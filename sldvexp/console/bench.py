@@ -462,7 +462,11 @@ class AimingBench:
         low, high = e.laser.board.value
         # Up and to the left as the eye sees it beside the instrument; see `sldvexp.laser`.
         ways = [1 if m.gain > 0 else -1 for m in (e.laser.up_down, e.laser.left_right)]
-        setup = {"low": low, "high": high, "ways": ways, "wanted": self.wanted}
+        layout = [
+            {"kind": kind, "number": number, "at": place.position[:2].round(4).tolist()}
+            for (kind, number), place in self.outlook.places.items()
+        ]
+        setup = {"low": low, "high": high, "ways": ways, "wanted": self.wanted, "layout": layout}
         self.board.tell("setup", setup)
         self.board.begin("raster", view=self.view)
         self.board.tell("level", None)

@@ -65,7 +65,9 @@ def test_scan_that_failed_goes_on_here_and_the_instrument_is_doubted_until_it_an
 
 def test_console_of_a_run_that_was_cut_off_offers_to_go_on(console, tmp_path):
     made, _ = console
-    scan = Seen(made(tmp_path).board).look()["scan"]
+    topics = Seen(made(tmp_path).board).look()
+    scan = topics["scan"]
+    assert topics["phase"] == "scan"
     assert scan["resumable"]
     assert "Go on scans what is missing" in scan["told"]
     one = made()
