@@ -126,7 +126,7 @@ def test_marks_that_contradict_one_another_are_told_once_before_the_scan(lab_exp
     wish = {"do": "scan", "name": "aimed"}
     for _ in range(2):
         one.bench._safely(lambda: one.bench.further["scan"](wish))
-        if not runs:
+        if not runs:  # of the first time
             told = seen.look()["said"]
             assert told["problem"]
             assert told["text"].startswith("view 1: circles 1, 2, 3 and 4 contradict one another")

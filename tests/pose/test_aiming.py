@@ -147,7 +147,8 @@ def test_exchanged_marks_are_named():
 def test_four_marks_cannot_tell_which_is_wrong():
     steps = (view := views(41, 1)[0]).seen()
     steps[2] += [25, -30]
-    told = view.aiming(range(4), steps).contradiction()
+    aiming = view.aiming(range(4), steps)
+    told = aiming.contradiction()
     assert told.endswith(": mark 1, 2, 3 or 4 is wrong, and one more tells which")
     for name in aiming.open:
         aiming.hide(name)
