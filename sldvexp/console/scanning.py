@@ -233,7 +233,7 @@ class Scanning(Watcher):
                 done, total = progress.tally.done.total(), progress.tally.total.total()
                 part, left = progress.share, progress.seconds_left
         steerable = self._running and self._between
-        word = {"running": steerable, "paused": self.paused, "part": part}
+        word: dict[str, Any] = {"running": steerable, "paused": self.paused, "part": part}
         word["resumable"] = self._resumable
         word["resume"] = "" if self._folder is None else resume_here(self._folder)
         told = {"told": self._sentence(part, left), "facts": self._facts(done, total)}

@@ -73,8 +73,9 @@ def _scan(run: Run) -> None:
                 skipped += take_findings(found)
                 run.tree |= {f"{prefix}{name}": group for name, group in found.items()}
     except (instrument.InstrumentError, session.NobodyThereError) as error:
-        failed = isinstance(error, instrument.InstrumentError)
-        why, not_home = (error.why, error.not_home) if failed else (str(error), "")
+        why, not_home = str(error), ""
+        if isinstance(error, instrument.InstrumentError):
+            why, not_home = error.why, error.not_home
         if has_lines(run.folder):
             raise UnfinishedError(why, run.folder, not_home=not_home) from error
         raise EndedScanError(why, not_home) from error
