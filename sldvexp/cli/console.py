@@ -70,7 +70,7 @@ def run(words: list[str], config_dir: str | None, port: str | None = None) -> in
     unfinished = next((Path(w.removeprefix(KEY)) for w in words if w.startswith(KEY)), None)
     added: list[str] = []
     if unfinished is not None:
-        folder, unfinished = folder.absolute(), unfinished.absolute()  # see `begun_with`
+        folder, unfinished = folder.absolute(), unfinished.resolve()  # see `begun_with`
         begun = begun_with(unfinished)
         folder = _folder_of(unfinished, begun, folder if config_dir else None) or folder
         added = [word for word in words if not word.startswith(KEY)]
@@ -192,7 +192,8 @@ def _reached(plan: StandPlan) -> str:
         )
     which = "largest" if plan.goal.criterion is PlanCriterion.worst else "r.m.s."
     return (
-        f"the {which} bound is {1e3 * plan.asked:.3g} mm/s, of the noise at every place by itself"
+        f"the {which} bound is {1e3 * plan.asked:.3g} mm/s where every place is taken by itself, "
+        "by the noise alone; that of a smooth field is smaller"
     )
 
 

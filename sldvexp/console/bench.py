@@ -461,7 +461,11 @@ class AimingBench:
         e = self.experiment
         low, high = e.laser.board.value
         ways = e.laser.ways.tolist()
-        setup = {"low": low, "high": high, "ways": ways, "wanted": self.wanted}
+        layout = [
+            {"kind": kind, "number": number, "at": place.position[:2].round(4).tolist()}
+            for (kind, number), place in self.outlook.places.items()
+        ]
+        setup = {"low": low, "high": high, "ways": ways, "wanted": self.wanted, "layout": layout}
         self.board.tell("setup", setup)
         self.board.begin("raster", view=self.view)
         self.board.tell("level", None)

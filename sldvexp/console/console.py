@@ -34,7 +34,7 @@ PATIENCE = 30.0
 #: Progress before a session tells of any.
 BEGINS = "The scan begins: the configuration is read and the instrument is opened …"
 #: Scan of which nothing is going on.
-AT_REST = {"running": False, "paused": False, "part": 0.0, "facts": {}}
+AT_REST = {"running": False, "paused": False, "part": 0.0, "facts": {}, "resume": ""}
 #: How a kept scan goes on in the console itself, before the command that does it without.
 HERE = "Go on does that here, or once this console has ended:"
 #: Runs settings with a watcher and an operator; the run's folder.
@@ -106,6 +106,7 @@ class Console:
         if unfinished is not None:
             told = f"The run in {unfinished} was cut off: Go on scans what is missing."
             self.board.tell("scan", {**AT_REST, "told": told, "resumable": True})
+            self.board.tell("phase", "scan")
 
     @property
     def address(self) -> str:
@@ -211,6 +212,7 @@ class Console:
             self.board.tell("result", {"told": told, "page": page, "lines": lines})
             self.board.tell("phase", "result")
             self.bench.say("The scan is done.")
+            why = "the run is done, and Result tells what was found"
         finally:
             scanning.end(why, resumable=self._unfinished is not None)
             self._last = scanning

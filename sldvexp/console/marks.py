@@ -85,6 +85,17 @@ def view_names(experiment: Experiment) -> list[str]:
     return own or list(getattr(experiment.scene, "views", {})) or ["1"]
 
 
+def configured(experiment: Experiment) -> set[str]:
+    """Name the views of which the experiment has steps of its own, which a scan uses."""
+    own = (KEYS[CIRCLE], KEYS[CORNER], "path")
+    return {
+        view
+        for part in parts_of(experiment).values()
+        for view, given in part.views.items()
+        if any(getattr(given, name, None) for name in own)
+    }
+
+
 @dataclass(frozen=True)
 class MarkChange:
     """One mark that was set or taken away: where it stood before and stands now."""

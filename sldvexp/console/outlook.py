@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from sldvexp.config.experiment import Experiment
-from sldvexp.console.marks import CIRCLE, CORNER, FIDUCIAL, Name, Steps, parts_of
+from sldvexp.console.marks import CIRCLE, CORNER, FIDUCIAL, Name, Steps, configured, parts_of
 from sldvexp.errors import UserError
 from sldvexp.geometry import KnownPose, euler_from_rotation, rotation_from_euler
 from sldvexp.laser import beyond_told, corrected_pose
@@ -35,6 +35,8 @@ from sldvexp.targets import Circles, unseen_circles
 from sldvexp.targets.base import std_of_bound
 from sldvexp.typing import Array, IntArray
 
+#: Marks that give a pose.
+FEWEST = 3
 #: Marks from which on their own pose is surer than a rough one.
 SURE = 4
 #: Distance by which a rough pose may be wrong, m.
@@ -91,6 +93,7 @@ class Outlook:
         self.wanted = wanted
         self.places = known_places(experiment, wanted)
         self.rough = experiment.scan.rough_poses()
+        self.configured = configured(experiment)
         target, volume = experiment.target, experiment.volume
         self.circles = target if isinstance(target, Circles) else None
         self.rims = [] if self.circles is None else circle_rims(self.circles)
@@ -120,7 +123,8 @@ class Outlook:
             return self._by_rough_pose(known, view, aiming.contradiction())
         if aiming.pose is None:
             wrong = aiming.contradiction()
-            return Foresight(told=aiming.weakness() or wrong, wrong=wrong)
+            told = aiming.weakness() or wrong or self._more(len(known), view)
+            return Foresight(told=told, wrong=wrong)
         found = self._foreseen(aiming.poses, view)
         for name, place in self.places.items():
             if name in marks and (off := aiming.residual(place.name)) is not None:
@@ -134,6 +138,19 @@ class Outlook:
         doubt = found.wrong or aiming.weakness()
         found.told = f"{told} But {doubt}." if doubt else told
         return found
+
+    def _more(self, known: int, view: str) -> str:
+        """Say what marks are for, before there are enough of them."""
+        if not self.places or known >= FEWEST:
+            return ""
+        one = next(iter(self.places.values())).name.partition(" ")[0]
+        own = "The experiment has steps of this view, which Scan uses where nothing is marked. "
+        own *= view in self.configured and not known
+        left = FEWEST - known
+        which = f"{left} {one}s{' more' * bool(known)}, which do not all lie in a line, tell"
+        if left == 1:
+            which = f"One {one} more, beside the line of these, tells"
+        return f"{own}{which} where the others lie."
 
     def _pointing(self) -> float:
         """Say how well places are pointed at, steps: at circles to half a pixel of the picture."""

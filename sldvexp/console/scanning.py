@@ -12,6 +12,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 from sldvexp.config.experiment import Experiment
@@ -23,6 +24,7 @@ from sldvexp.lazy import xarray as xr
 from sldvexp.pipeline.run_progress import ScanProgress
 from sldvexp.progress import span
 from sldvexp.session import LineDone, Operator, ViewAhead, Watcher, Wish
+from sldvexp.session.interruption import resume_here
 from sldvexp.session.watching import in_words
 
 #: What a scan says that has lost its controller, and what it says to the next.
@@ -65,6 +67,7 @@ class Scanning(Watcher):
         self._resumable = False
         self._rest: Callable[[], None] | None = None
         self._step = ""
+        self._folder: Path | None = None
         self._view: ViewAhead | None = None
         self._progress: ScanProgress | None = None
         self._lock = threading.Lock()  # of the progress, of which the painter's thread tells too
@@ -75,9 +78,14 @@ class Scanning(Watcher):
 
     # ---- what a session tells ----
 
+    def run_begun(self, folder: Path) -> None:
+        """See `Watcher`."""
+        self._folder = folder.absolute()
+        self._tell()
+
     def step_begun(self, name: str, number: int, count: int) -> None:
         """See `Watcher`."""
-        self._step = f"step {number} of {count}, {name}"
+        self._step = f"{number} of {count}, {name}"
         self._tell()
 
     def session_begun(self, views: tuple[ViewAhead, ...]) -> None:
@@ -225,13 +233,16 @@ class Scanning(Watcher):
                 done, total = progress.tally.done.total(), progress.tally.total.total()
                 part, left = progress.share, progress.seconds_left
         steerable = self._running and self._between
-        word = {"running": steerable, "paused": self.paused, "part": part}
+        word: dict[str, Any] = {"running": steerable, "paused": self.paused, "part": part}
         word["resumable"] = self._resumable
+        word["resume"] = "" if self._folder is None else resume_here(self._folder)
         told = {"told": self._sentence(part, left), "facts": self._facts(done, total)}
         self.board.tell("scan", word | told)
 
     def _facts(self, done: int, total: int) -> dict[str, str]:
         facts: dict[str, str] = {"step": self._step}
+        if self._folder is not None:
+            facts["kept in"] = str(self._folder)
         view, line = self._view, self._last
         if view is not None and total:
             facts["view"] = f"{view.name}, {view.number} of {view.count}"
@@ -242,7 +253,8 @@ class Scanning(Watcher):
             facts["level"] = f"velocity {velocity:.3g} V, reference {reference:.3g} V"
         for flag, count in list(self._painter.flagged.items()) if total else ():
             if count:
-                facts[str(flag.name).replace("_", " ")] = f"{count} pixels of this view"
+                pixels = f"{count} pixel{'s' * (count > 1)} of this view"
+                facts[str(flag.name).replace("_", " ")] = pixels
         return facts
 
     def _sentence(self, part: float, left: float | None) -> str:
@@ -253,9 +265,9 @@ class Scanning(Watcher):
         if self.paused:
             return self._why
         if not self._between:
-            return f"{self._step} …"
+            return f"step {self._step} …"
         time_left = f", {span(left)} left" if left is not None and part < 1 else ""
-        return f"{self._step}: {100 * part:.0f} % of the scan{time_left}"
+        return f"step {self._step}: {100 * part:.0f} % of the scan{time_left}"
 
 
 class Asked(Operator):

@@ -93,6 +93,7 @@ def run(
     last = [RESULTS, *[PAGE] * (report is not None), *[EXPORTS] * bool(experiment.export)]
     begin = partial(_begin, watching, [*(step.name for step in steps), *last])
     with watching:
+        watching.run_begun(run.folder)
         with _page_if_unfinished(page, run.folder), _told_how_to_go_on(run.folder):
             whole = _do(steps, run, do, begin)
         run.conclude()

@@ -407,9 +407,12 @@ class Aiming:
         if found is None:
             return ""
         again = {"exchanged_points": "both", "wrong_point": "it", "residuals": "them"}
-        told = found.sentence(names)
-        if found.kind == "mirrored" or (found.kind == "wrong_point" and len(found.points) > 1):
+        told = found.sentence(names, more=bool(self.open))
+        one_of_several = found.kind == "wrong_point" and len(found.points) > 1
+        if found.kind == "mirrored" or (one_of_several and self.open):
             return told
+        if one_of_several:
+            return f"{told}: take them again"
         return f"{told}: take {again[found.kind]} again"
 
 

@@ -49,8 +49,14 @@ class Contradiction:
     size: float
     p_value: float
 
-    def sentence(self, names: Sequence[str]) -> str:
-        """Say it, by the names of all points, without a full stop."""
+    def sentence(self, names: Sequence[str], more: bool = True) -> str:
+        """Say it, by the names of all points, without a full stop.
+
+        Parameters
+        ----------
+        more : bool
+            Whether there are points besides these, of which one more could be taken.
+        """
         blamed, size = [names[k] for k in self.points], f"{self.size:.0f} steps"
         if self.kind == "exchanged_points":
             return (
@@ -66,7 +72,7 @@ class Contradiction:
             return f"{blamed[0]} lies {size} beside where the others put it"
         told = f"{joined(names)} contradict one another by {size}"
         if self.kind == "wrong_point":
-            return f"{told}: {joined(blamed, 'or')} is wrong, and one more tells which"
+            return f"{told}: {joined(blamed, 'or')} is wrong" + ", and one more tells which" * more
         return f"{told}, and no single one explains it"
 
 

@@ -62,6 +62,11 @@ class InterruptedRun(KeyboardInterrupt):
         super().__init__(f"{why}; {self.kept}")
 
 
+def resume_here(folder: Path) -> str:
+    """Give the command of a console that goes on with a run."""
+    return f"sldvexp console {shlex.quote(f'resume={folder}')}"
+
+
 def kept_lines(folder: Path) -> KeptScan:
     """Tell that the lines of a run are kept that stops before its end, and how it goes on."""
     return KeptScan(f"{LINES_KEPT},", f"sldvexp {shlex.quote(f'resume={folder}')}")

@@ -12,6 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
 from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 
@@ -182,6 +183,9 @@ class Watcher:
 
     def __exit__(self, *exception: object) -> None:
         """End; also after a fault or Ctrl-C, of which the arguments tell."""
+
+    def run_begun(self, folder: Path) -> None:
+        """Note the folder in which a run keeps what it has scanned."""
 
     def step_begun(self, name: str, number: int, count: int) -> None:
         """Note that step `number` of `count` of a run begins."""

@@ -149,7 +149,8 @@ def test_advice_tells_what_is_reached_and_where_to_stand_next(planned):
     assert found.told == [
         "If you stopped here: 4 of 9 nodes are seen by too few views to determine all components.",
         "Stand next at (1.00, 2.00, 3.46) m and look at (0.00, 0.00, 0.00) m. Then: the r.m.s. "
-        "bound is 1 mm/s, of the noise at every place by itself.",
+        "bound is 1 mm/s where every place is taken by itself, by the noise alone; that of a "
+        "smooth field is smaller.",
     ]
 
 

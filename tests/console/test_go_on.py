@@ -65,7 +65,9 @@ def test_scan_that_failed_goes_on_here_and_the_instrument_is_doubted_until_it_an
 
 def test_console_of_a_run_that_was_cut_off_offers_to_go_on(console, tmp_path):
     made, _ = console
-    scan = Seen(made(tmp_path).board).look()["scan"]
+    topics = Seen(made(tmp_path).board).look()
+    scan = topics["scan"]
+    assert topics["phase"] == "scan"
     assert scan["resumable"]
     assert "Go on scans what is missing" in scan["told"]
     one = made()
@@ -124,7 +126,7 @@ def test_marks_that_contradict_one_another_are_told_once_before_the_scan(lab_exp
     wish = {"do": "scan", "name": "aimed"}
     for _ in range(2):
         one.bench._safely(lambda: one.bench.further["scan"](wish))
-        if not runs:
+        if not runs:  # of the first time
             told = seen.look()["said"]
             assert told["problem"]
             assert told["text"].startswith("view 1: circles 1, 2, 3 and 4 contradict one another")

@@ -57,7 +57,14 @@ def test_circle_is_found_on_a_quick_look_and_marked_by_a_click_and_a_key(page, s
     page.come_to(place)
     page.until(lambda: page.text("velocity-told") > "5")
     page.js(NAMED)
+    chosen = "return document.querySelector('#layout .chosen text').textContent"
+    assert page.js(chosen) == "1"
+    assert "which do not all lie in a line, tell where the others lie" in page.text("pose")
     page.mark()
+    page.until(lambda: page.js(chosen) == "2")
+    assert page.text("pose") == (
+        "2 circles more, which do not all lie in a line, tell where the others lie."
+    )
     assert page.text("marks").count(str(round(place[0]))) == 1
     page.until(lambda: page.js("return [...named]") == ["circle 1"])
     page.key("u")

@@ -197,6 +197,15 @@ def test_operator_is_asked_on_the_page(board, wishes):
     watcher.end()
 
 
+def test_where_a_run_is_kept_is_told_with_the_command_that_goes_on_with_it(board, wishes, tmp_path):
+    watcher, seen = Scanning(None, board, wishes), Seen(board)
+    watcher.run_begun(tmp_path / "a b")
+    word = seen.look()["scan"]
+    assert word["facts"]["kept in"] == str(tmp_path / "a b")
+    assert word["resume"] == f"sldvexp console 'resume={tmp_path / 'a b'}'"
+    watcher.end()
+
+
 def test_pixels_of_lines_meet_their_neighbours():
     row = np.array([[0, 0], [0, 10], [0, 20]])
     assert spacing(row) == 10

@@ -21,6 +21,7 @@ export class Aim {
     this.chosen = null;
     this.step = 10;
     this.raster = [];
+    this.layout = [];
     paintRamp($("ramp"));
     this.topics = {
       setup: (word) => this.setUp(word),
@@ -48,6 +49,7 @@ export class Aim {
     this.wanted = word.wanted;
     this.limits = [word.low, word.high];
     this.ways = word.ways;
+    this.layout = word.layout;
     for (const cells of [this.map, $("image").cells]) cells.turn(word.ways);
     $("slide-left").dir = word.ways[1] > 0 ? "rtl" : "ltr";
     $("slide-up").dir = word.ways[0] > 0 ? "ltr" : "rtl";
@@ -118,7 +120,8 @@ export class Aim {
   }
 
   showRange() {
-    $("range").textContent = `0 to ${this.map.top.toPrecision(3)} ${$("shown").value === "reference" ? "V" : "mm/s"}${this.raster.length ? ` ${atFrequency(this.looked)}` : ""}`;
+    if (!this.raster.length) { $("range").textContent = "nothing is looked at yet: Look (l)"; return; }
+    $("range").textContent = `0 to ${this.map.top.toPrecision(3)} ${$("shown").value === "reference" ? "V" : "mm/s"} ${atFrequency(this.looked)}`;
   }
 
   /** Show the other quantity of the same look. */
@@ -205,9 +208,26 @@ export class Aim {
       return row;
     });
     $("marks").tBodies[0].replaceChildren(...rows);
+    this.drawLayout();
     $("marks").querySelector(".chosen")?.scrollIntoView({ block: "nearest" });
     this.drawOver();
     this.update(this.steering);
+  }
+
+  /** Draw which mark is which, as they lie on the object: x to the right and y up. */
+  drawLayout() {
+    $("layout-box").hidden = this.layout.length < 2;
+    if (this.layout.length < 2) return;
+    const wide = 200, tall = 100, aside = 14, ends = [0, 1].map((k) => [Math.min, Math.max].map((limit) => limit(...this.layout.map(({ at }) => at[k]))));
+    const scale = Math.min((wide - 2 * aside) / (ends[0][1] - ends[0][0] || 1e-9), (tall - 2 * aside) / (ends[1][1] - ends[1][0] || 1e-9));
+    const middle = ends.map(([low, high]) => (low + high) / 2);
+    $("layout").setAttribute("viewBox", `0 0 ${wide} ${tall}`);
+    $("layout").replaceChildren(...this.layout.map(({ kind, number, at }) => {
+      const [x, y] = [wide / 2 + (at[0] - middle[0]) * scale, tall / 2 - (at[1] - middle[1]) * scale];
+      const group = drawn("g", {}, drawn("circle", { cx: x, cy: y, r: 9 }), drawn("text", { x, y: y + 3 }, String(number)));
+      if (kind === this.chosen?.kind && number === this.chosen?.number) group.setAttribute("class", "chosen");
+      return group;
+    }));
   }
 
   drawOver() {
@@ -335,6 +355,14 @@ export class Aim {
     else return;
     event.preventDefault();
   }
+}
+
+/** Make a part of a drawing. */
+function drawn(kind, attributes, ...content) {
+  const made = document.createElementNS("http://www.w3.org/2000/svg", kind);
+  for (const [name, value] of Object.entries(attributes)) made.setAttribute(name, value);
+  made.append(...content);
+  return made;
 }
 
 /** Name a mark, in the list and on the map alike. */

@@ -91,7 +91,8 @@ const link = new Link({
   lost() {
     page.connected = false;
     page.role = "watcher";
-    $("who").textContent = "The connection is lost; the mirrors are sent home. Trying again …";
+    const resume = page.known.scan?.running ? `: ${page.known.scan.resume}` : "";
+    $("who").textContent = `The connection is lost; trying again … A console that still runs sends the mirrors home. Where it has ended, see to them, start it anew and open the address that it prints${resume}`;
     $("take").hidden = $("leave").hidden = true;
     update();
   },
