@@ -30,7 +30,7 @@ from sldvexp.export.velocities import (
     velocity_in_world,
 )
 from sldvexp.lazy import xarray as xr
-from sldvexp.plot.moving_shape import MOVING_SHARE, SECONDS_A_TURN
+from sldvexp.plot.moving_look import MOVING_SHARE, SECONDS_A_TURN
 from sldvexp.typing import Array, BoolArray, ComplexArray, IntArray
 
 #: Frequencies are the same if they are to the six digits that pages show.

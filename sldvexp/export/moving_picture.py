@@ -13,7 +13,7 @@ from sldvexp.dataset import FREQUENCY
 from sldvexp.dataset.run_data import RunData
 from sldvexp.errors import Checks
 from sldvexp.export.motion import Motion, MovingExport, motion_of
-from sldvexp.plot.moving_shape import AZIMUTH, ELEVATION
+from sldvexp.plot.moving_look import AZIMUTH, ELEVATION
 
 #: Pixels of a side: fewer leave no room for the scale, more take minutes.
 FEWEST_PIXELS, MOST_PIXELS = 160, 2160

@@ -20,16 +20,11 @@ from numpy.typing import NDArray
 
 from sldvexp.geometry import rim
 from sldvexp.plot import style
+from sldvexp.plot.moving_look import PALE, PALENESS
 from sldvexp.typing import Array, BoolArray, ComplexArray, IntArray
 
 #: Colour of what has no value, and of what lies at rest.
 UNKNOWN, REST = (0.6, 0.6, 0.6), "#999999"
-#: Grey that pale colours are mixed with, and its share.
-PALE, PALENESS = 0.93, 0.75
-#: Largest drawn deflection, as a share of the surface's diagonal, and duration of a period, s.
-MOVING_SHARE, SECONDS_A_TURN = 0.08, 2.5
-#: From where one looks at first, deg: about the z axis from x, and above the plane of x and y.
-AZIMUTH, ELEVATION = -118.5, 30.0
 #: Pixels of an inch, so that letters of 9 points are 12 pixels high.
 DPI = 100
 #: Where shape and scale are, as shares of the picture: left, bottom, width, height.

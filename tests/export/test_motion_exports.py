@@ -23,7 +23,7 @@ from sldvexp.export.mp4 import Mp4
 from sldvexp.export.velocities import mesh_of, velocities_of, velocity_in_world
 from sldvexp.export.vtu import Vtu
 from sldvexp.plot import MovingShape
-from sldvexp.plot.moving_shape import MOVING_SHARE, PALE, PALENESS
+from sldvexp.plot.moving_look import MOVING_SHARE, PALE, PALENESS
 from sldvexp.plot.style import SIZE_MAP
 from sldvexp.report.html.shape import LOOK
 from tests.shell.made_strain import made_strain

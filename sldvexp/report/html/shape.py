@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from sldvexp.dataset import VARIABLES
 from sldvexp.geometry import FewerNodes, fewer_nodes, joined_points
 from sldvexp.lazy import xarray as xr
-from sldvexp.plot import moving_shape, style
+from sldvexp.plot import moving_look, style
 from sldvexp.plot.shape import normals
 from sldvexp.report.html import packing
 
@@ -34,12 +34,12 @@ MAPS = {"size": style.SIZE_MAP, "sign": style.SIGN_MAP, "phase": style.PHASE_MAP
 STEPS = 64
 #: What moving pictures and the page have in common, and how numbers are packed.
 LOOK = {
-    "azimuth": moving_shape.AZIMUTH,
-    "elevation": moving_shape.ELEVATION,
-    "seconds": moving_shape.SECONDS_A_TURN,
-    "share": moving_shape.MOVING_SHARE,
-    "pale": moving_shape.PALE,
-    "paleness": moving_shape.PALENESS,
+    "azimuth": moving_look.AZIMUTH,
+    "elevation": moving_look.ELEVATION,
+    "seconds": moving_look.SECONDS_A_TURN,
+    "share": moving_look.MOVING_SHARE,
+    "pale": moving_look.PALE,
+    "paleness": moving_look.PALENESS,
     "none": packing.NONE,
 }
 #: What is largest of a cycle, with its name and unit.
