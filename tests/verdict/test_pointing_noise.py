@@ -11,6 +11,7 @@ from sldvexp.dataset import Severity
 from sldvexp.field.bounds.pose_uncertainty import pose_covariance
 from sldvexp.field.visibility.projection import angle_slope
 from sldvexp.verdict.comparison import _truncation, bench_of, compare_views
+from sldvexp.verdict.drop_outs import disagree, disagreeing
 from sldvexp.verdict.joint_fit import JointFit
 from sldvexp.verdict.pointing_noise import pointing_noise
 from sldvexp.verdict.wording import pointing_finding
@@ -52,6 +53,28 @@ def test_pointing_noise_is_found_with_its_size(seed):
 @pytest.mark.parametrize("seed", [1, 2])
 def test_noise_that_is_larger_everywhere_is_not_named_pointing(seed):
     assert pointing_noise(fitted(white=2.0, seed=seed), LASER) is None
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_pixels_beside_which_mirrors_came_to_rest_are_no_drop_outs(seed):
+    """Mirrors three times as bad as the noise; spoiled pixels among them are found."""
+    fit = fitted(angle=3 * ANGLE, seed=seed)
+    known = [3 * ANGLE] * len(fit.data)
+    assert not disagree(fit, known)
+    assert np.concatenate(disagreeing(fit, known)).mean() < 2e-3
+    assert np.concatenate(disagreeing(fit, [0.0] * len(known))).mean() > 0.02
+    rng, data, bad = np.random.default_rng(seed), [], []
+    for of, design in zip(fit.data, fit.designs, strict=True):
+        bad.append(rng.random(int(design.present.sum())) < 0.02)
+        velocity = of.velocity.copy()
+        drawn = rng.standard_normal((2, bad[-1].sum(), velocity.shape[1]))
+        velocity[np.flatnonzero(design.present)[bad[-1]]] = 1000 * (drawn[0] + 1j * drawn[1])
+        data.append(replace(of, velocity=velocity))
+    spoiled = JointFit(data, fit.designs, fit.prior, fit.standard)
+    assert disagree(spoiled, known)
+    marked, bad = np.concatenate(disagreeing(spoiled, known)), np.concatenate(bad)
+    assert marked[bad].mean() > 0.95
+    assert marked[~bad].mean() < 2e-3
 
 
 def test_pointing_that_bounds_count_is_a_note_and_otherwise_has_a_remedy():
