@@ -25,7 +25,13 @@ from sldvexp.session.images import describe_flagged_pixels
 from sldvexp.signal import Flag
 from sldvexp.typing import BoolArray, IndexArray
 from sldvexp.verdict.beams import MeasuredSurface, PixelBeams
-from sldvexp.verdict.comparison import Bench, bench_of, compare_views, stated_covariance
+from sldvexp.verdict.comparison import (
+    Bench,
+    bench_of,
+    compare_views,
+    pixels_to_follow,
+    stated_covariance,
+)
 from sldvexp.verdict.diagnosis import diagnose
 from sldvexp.verdict.drop_outs import (
     disagree,
@@ -266,7 +272,7 @@ class _Examination:
         """Test the views; False if one is wrong, which is then named."""
         tests = compare_views(bench, fit)
         if not tests.rejects:
-            if bench.stated and (noise := noise_finding(tests)):
+            if bench.stated and (noise := noise_finding(tests, pixels=_more_pixels(bench, tests))):
                 self.findings.append(self._of_pointing(bench, fit, tests) or noise)
             return True
         ranked = diagnose(bench, fit)
@@ -321,6 +327,18 @@ class _Examination:
         image.attrs["summary"] = describe_flagged_pixels(flags)
         self.groups[name] = image
         return replace(view, flags=flags)
+
+
+def _more_pixels(bench: Bench, tests: ViewTests) -> tuple[int, int] | None:
+    """Give how many pixels of a view see the surface, and how many its field would take, if more.
+
+    Pixels are counted as the mean over the views.
+    """
+    wanted = pixels_to_follow(bench, tests.misfit)
+    if wanted is None:
+        return None
+    now = np.mean([len(d.pixel) for d in bench.data])
+    return int(now), int(np.ceil(wanted / len(bench.data)))
 
 
 def _left_out(before: Groups, after: Groups) -> list[Finding]:
