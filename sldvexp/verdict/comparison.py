@@ -20,7 +20,7 @@ from sldvexp.lazy import scipy
 from sldvexp.lazy import xarray as xr
 from sldvexp.typing import Array
 from sldvexp.verdict.beams import MeasuredSurface, PixelBeams
-from sldvexp.verdict.explanation import LEAST_PIXELS, POSE, ViewTests
+from sldvexp.verdict.explanation import LARGE_MISFIT, LEAST_PIXELS, POSE, ViewTests
 from sldvexp.verdict.field_around import FieldAround
 from sldvexp.verdict.joint_fit import JointFit, PixelDesign
 from sldvexp.verdict.pixel_data import PixelData, pixel_data
@@ -50,6 +50,10 @@ class Bench:
         True if the views state their noise.
     truncation : float
         Part of the misfit's variance that a field of these knots cannot follow, as is expected.
+    intervals : int
+        Of the smooth field along the longest side.
+    few_pixels : bool
+        True if more of them were not tried because the pixels are too few.
     """
 
     data: Sequence[PixelData]
@@ -58,6 +62,8 @@ class Bench:
     prior: Array
     stated: bool
     truncation: float = 0.0
+    intervals: int = 0
+    few_pixels: bool = False
 
     @property
     def names(self) -> list[str]:
@@ -116,7 +122,8 @@ def bench_of(
     misfit, before = np.inf, 0
     for intervals in INTERVALS:
         smooth = FieldAround.on(surface.nodes, intervals)
-        if best is not None and 3 * smooth.count > sum(len(d.pixel) for d in data) / 2:
+        if best is not None and pixels_for(smooth) > sum(len(d.pixel) for d in data):
+            best = replace(best, few_pixels=True)
             break  # on a surface that bends a lot functions grow as the cube of intervals
         designs = [PixelDesign.of(d, b, smooth) for d, b in zip(data, beams, strict=True)]
         tried, fit = Bench(data, surface, smooth, prior, stated), JointFit(data, designs, prior)
@@ -124,8 +131,32 @@ def bench_of(
         if (best is not None and found > (1 - FALL) * misfit) or fit.dof <= 0:
             break
         left = 0.0 if best is None else _truncation(misfit, found, before / intervals)
-        best, misfit, before = replace(tried, truncation=left), found, intervals
+        best = replace(tried, truncation=left, intervals=intervals)
+        misfit, before = found, intervals
     return best
+
+
+def pixels_for(smooth: SmoothField) -> int:
+    """Give how many pixels of all views a smooth field takes, two for each of its unknowns."""
+    return 2 * 3 * smooth.count
+
+
+def pixels_to_follow(bench: Bench, misfit: float) -> int | None:
+    """Give how many pixels of all views let the smooth field follow all that is above the noise.
+
+    None if it does so already, or pixels are not what it lacks.
+
+    Parameters
+    ----------
+    misfit : float
+        Squares over their expectation from the noise, of which `Bench.truncation` is a part.
+    """
+    beyond, allowed = bench.truncation * misfit, LARGE_MISFIT - 1
+    if not bench.few_pixels or beyond <= allowed:
+        return None
+    wanted = bench.intervals * (beyond / allowed) ** (1 / 8)
+    enough = next((n for n in INTERVALS if n >= wanted), None)
+    return None if enough is None else pixels_for(FieldAround.on(bench.surface.nodes, enough))
 
 
 def _truncation(coarse: float, fine: float, ratio: float) -> float:

@@ -54,6 +54,11 @@ REACH = 2 + AROUND
 SLIGHT = 0.1
 #: Pixels alike around one beside the surface; a corner of a wall or a plate has no more.
 ALIKE = 2
+#: Probability below which pixels beyond `FAR` standard errors are more than chance gives.
+CHANCE = 1e-4
+FAR = 5.0
+#: Pixels whose median misfit is the scale of the one in their middle.
+AROUND_ONE = 49
 #: Reweightings of the robust fit by Huber's and by Tukey's function.
 HUBER, TUKEY = 3, 4
 
@@ -277,22 +282,30 @@ def _connected(marked: BoolArray, near: IndexArray) -> list[IndexArray]:
     return [at[label == i] for i in range(count)]
 
 
-def disagreeing(fit: JointFit) -> list[BoolArray]:
+def disagreeing(fit: JointFit, pointing: Sequence[float]) -> list[BoolArray]:
     """Find pixels that the field of all views does not fit, for each view's present ones.
 
-    Weights by Huber's function, then by Tukey's, whose scale is the noise or the median misfit,
-    whichever is larger; errors of the poses are taken out before. A pixel that ends without weight
-    is not fitted.
+    Weights by Huber's function, then by Tukey's; errors of the poses are taken out before. A pixel
+    that ends without weight is not fitted.
+
+    Parameters
+    ----------
+    pointing : sequence of float, rad
+        Standard deviation of every view's mirrors beside where they were sent.
     """
-    channels = fit.channels
-    median = scipy.special.chdtri(channels, 0.5)
-    away = _distances(fit, fit)
-    weights: list[Array] = []
+    away, weights = _misfits(fit, fit, pointing), []
     for turn in range(HUBER + TUKEY):
-        scale = max(1.0, float(np.sqrt(np.median(np.concatenate(away) ** 2) / median)))
-        weights = [_weights(d, scale, channels, turn) for d in away]
-        away = _distances(_weighted(fit, weights), fit)
+        weights = [_weights(d, 1.0, fit.channels, turn) for d in away]
+        away = _misfits(_weighted(fit, weights), fit, pointing)
     return [w == 0 for w in weights]
+
+
+def disagree(fit: JointFit, pointing: Sequence[float]) -> bool:
+    """Tell whether more pixels than chance gives are far off the field of all views."""
+    away = np.concatenate(_misfits(fit, fit, pointing))
+    chance = 2 * scipy.special.ndtr(-FAR)
+    far = int(np.sum(away**2 > scipy.special.chdtri(fit.channels, chance)))
+    return bool(scipy.special.pdtrc(far - 1, len(away) * chance) < CHANCE)
 
 
 def _weighted(fit: JointFit, weights: Sequence[Array]) -> JointFit:
@@ -312,15 +325,43 @@ def replace_weight(design: PixelDesign, root: Array) -> PixelDesign:
     return replace(design, field=design.field * root[:, None], weight=design.weight * root)
 
 
-def _distances(weighted: JointFit, fit: JointFit) -> list[Array]:
-    """Compute how far every pixel is from a weighted fit, in standard errors, shape (present,)."""
-    found = []
+def _misfits(weighted: JointFit, fit: JointFit, pointing: Sequence[float]) -> list[Array]:
+    """Compute how far every pixel is from a weighted fit, in standard errors, shape (present,).
+
+    Where the mirrors point beside a pixel its velocity is off by as much as the image is steep,
+    ``1 + s^2 (g_1 g_1' + g_2 g_2')`` in whitened numbers. What the smooth field does not follow
+    pixels around have as well: the scale is the noise, or the median of all, or that of those
+    around, whichever is largest.
+    """
+    found, median = [], np.sqrt(scipy.special.chdtri(fit.channels, 0.5))
     for k, design in enumerate(fit.designs):
         shift = weighted.shift[weighted.places(k)]
-        moves = np.einsum("nqc,q->nc", design.pose_columns(weighted.m), shift)
-        left = fit.velocity(k) - design.field @ weighted.m - moves
-        found.append(np.sqrt(np.sum(left**2, axis=1)))
+        columns = design.pose_columns(weighted.m)
+        left = fit.velocity(k) - design.field @ weighted.m
+        left -= np.einsum("nqc,q->nc", columns, shift)
+        found.append(np.sqrt(_beside_pointing(left, pointing[k] * columns[:, :2])))
+    scale = max(1.0, float(np.median(np.concatenate(found)) / median))
+    for k, (of, design) in enumerate(zip(fit.data, fit.designs, strict=True)):
+        dac = of.view.dac[of.pixel][design.present]
+        _, near = scipy.spatial.cKDTree(dac).query(dac, min(AROUND_ONE, len(dac)))
+        around = np.median(found[k][near], axis=1) / median
+        found[k] = found[k] / np.maximum(scale, around)
     return found
+
+
+def _beside_pointing(left: Array, turns: Array) -> Array:
+    """Square misfits over their variance, ``|r|^2 - (U r)' (1 + U U')^-1 (U r)``, shape (pixel,).
+
+    Parameters
+    ----------
+    left : ndarray, shape (pixel, channel)
+        Whitened.
+    turns : ndarray, shape (pixel, mirror, channel)
+        U: changes by a standard deviation of each mirror.
+    """
+    along = np.einsum("pic,pc->pi", turns, left)
+    inverse = np.linalg.inv(np.eye(2) + turns @ np.swapaxes(turns, 1, 2))
+    return np.asarray(np.sum(left**2, axis=1) - np.einsum("pi,pij,pj->p", along, inverse, along))
 
 
 def outliers(data: PixelData, design: PixelDesign, bad: BoolArray) -> IndexArray:

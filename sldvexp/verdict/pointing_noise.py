@@ -16,6 +16,7 @@ from sldvexp.laser import TwoMirror
 from sldvexp.typing import Array
 from sldvexp.verdict.explanation import LARGE_MISFIT
 from sldvexp.verdict.joint_fit import JointFit
+from sldvexp.verdict.pixel_data import PixelData
 
 #: Angles that are tried, rad.
 ANGLES = np.geomspace(1e-7, 1e-2, 201)
@@ -37,8 +38,7 @@ def pointing_noise(fit: JointFit, laser: TwoMirror) -> float | None:
         square.append(np.square(fit.residual[k]).ravel())
         turns = design.pose_columns(fit.m)[:, :2]
         slope.append(np.square(turns).sum(axis=1).ravel())
-        dac = data.view.dac[data.pixel][design.present]
-        step.append(np.abs(angle_slope(data.view.laser(laser), dac)).mean())
+        step.append(mean_angle(data, laser))
     r2, g2 = np.concatenate(square), np.concatenate(slope)
     left = fit.dof / len(r2)
     even = _surprise(r2, left * max(1.0, r2.mean() / left) * np.ones_like(r2))
@@ -48,6 +48,12 @@ def pointing_noise(fit: JointFit, laser: TwoMirror) -> float | None:
     if even - tried[best] < SURE or best in (0, len(ANGLES) - 1) or remains > LARGE_MISFIT:
         return None
     return float(ANGLES[best] / np.mean(step))
+
+
+def mean_angle(data: PixelData, laser: TwoMirror) -> float:
+    """Average the angle of a DAC step over the pixels of a view, rad."""
+    slope = angle_slope(data.view.laser(laser), data.view.dac[data.pixel])
+    return float(np.abs(slope).mean())
 
 
 def _surprise(square: Array, variance: Array) -> float:

@@ -20,15 +20,27 @@ from sldvexp.field.bounds.pointing import pointing_std
 from sldvexp.field.visibility.holes import by_hole, nodes_in_holes
 from sldvexp.field.visibility.view import views_of
 from sldvexp.laser import TwoMirror
-from sldvexp.lazy import scipy
 from sldvexp.lazy import xarray as xr
 from sldvexp.session.images import describe_flagged_pixels
 from sldvexp.signal import Flag
 from sldvexp.typing import BoolArray, IndexArray
 from sldvexp.verdict.beams import MeasuredSurface, PixelBeams
-from sldvexp.verdict.comparison import Bench, bench_of, compare_views, stated_covariance
+from sldvexp.verdict.comparison import (
+    Bench,
+    bench_of,
+    compare_views,
+    pixels_to_follow,
+    stated_covariance,
+)
 from sldvexp.verdict.diagnosis import diagnose
-from sldvexp.verdict.drop_outs import disagreeing, drop_outs, outliers, resting, used_pixels
+from sldvexp.verdict.drop_outs import (
+    disagree,
+    disagreeing,
+    drop_outs,
+    outliers,
+    resting,
+    used_pixels,
+)
 from sldvexp.verdict.explanation import (
     LARGE_MISFIT,
     LEAST_PIXELS,
@@ -38,7 +50,7 @@ from sldvexp.verdict.explanation import (
 )
 from sldvexp.verdict.joint_fit import JointFit
 from sldvexp.verdict.lines import at_few_lines, carried_over
-from sldvexp.verdict.pointing_noise import pointing_noise
+from sldvexp.verdict.pointing_noise import mean_angle, pointing_noise
 from sldvexp.verdict.refinement import moved_poses, refine
 from sldvexp.verdict.repairs import Repair, examined_repairs
 from sldvexp.verdict.wording import (
@@ -53,9 +65,6 @@ from sldvexp.volume import Volume
 
 #: Share of a view's pixels above which they are no drop-outs.
 MOST_LEFT_OUT = 0.15
-#: Probability below which pixels beyond `FAR` standard errors are more than chance gives.
-CHANCE = 1e-4
-FAR = 5.0
 #: Part of the misfit that may be left to a finer field where the mirrors' pointing is judged.
 FOLLOWED = 0.1
 #: Views that a field of three components takes.
@@ -263,7 +272,7 @@ class _Examination:
         """Test the views; False if one is wrong, which is then named."""
         tests = compare_views(bench, fit)
         if not tests.rejects:
-            if bench.stated and (noise := noise_finding(tests)):
+            if bench.stated and (noise := noise_finding(tests, pixels=_more_pixels(bench, tests))):
                 self.findings.append(self._of_pointing(bench, fit, tests) or noise)
             return True
         ranked = diagnose(bench, fit)
@@ -277,15 +286,21 @@ class _Examination:
 
     def _flag_disagreeing(self, bench: Bench, fit: JointFit) -> None:
         """Leave out pixels that the field of all views does not fit, if they are too many."""
-        left = np.concatenate([fit.left(k).ravel() for k in fit.views])
-        far = int(np.sum(np.abs(left) > FAR * max(1.0, np.median(np.abs(left)) / 0.6745)))
-        expected = len(left) * 2 * scipy.special.ndtr(-FAR)
-        if not scipy.special.pdtrc(far - 1, expected) < CHANCE:
+        pointing = self._pointing(bench, fit)
+        if not disagree(fit, pointing):
             return
-        for data, design, bad in zip(bench.data, fit.designs, disagreeing(fit), strict=True):
+        marked_each = zip(bench.data, fit.designs, disagreeing(fit, pointing), strict=True)
+        for data, design, bad in marked_each:
             marked = np.zeros(len(data.view.dac), bool)
             marked[outliers(data, design, bad)] = True
             self._flag(data.view, marked, Flag.unlike)
+
+    def _pointing(self, bench: Bench, fit: JointFit) -> list[float]:
+        """Take the pointing noise that is known of every view, or what the misfit tells, rad."""
+        laser = self.surface.laser
+        told = pointing_noise(fit, laser) if fit.squares > LARGE_MISFIT * fit.dof else None
+        steps = [max(pointing_std(laser.pointing_std, d.view), told or 0.0) for d in bench.data]
+        return [s * mean_angle(d, laser) for s, d in zip(steps, bench.data, strict=True)]
 
     def _flag(self, view: View, marked: BoolArray, flag: Flag) -> View:
         """Flag pixels of a view, unless they are so many that the view as a whole is in doubt."""
@@ -313,6 +328,18 @@ class _Examination:
         image.attrs["summary"] = describe_flagged_pixels(flags)
         self.groups[name] = image
         return replace(view, flags=flags)
+
+
+def _more_pixels(bench: Bench, tests: ViewTests) -> tuple[int, int] | None:
+    """Give how many pixels of a view see the surface, and how many its field would take, if more.
+
+    Pixels are counted as the mean over the views.
+    """
+    wanted = pixels_to_follow(bench, tests.misfit)
+    if wanted is None:
+        return None
+    now = np.mean([len(d.pixel) for d in bench.data])
+    return int(now), int(np.ceil(wanted / len(bench.data)))
 
 
 def _left_out(before: Groups, after: Groups) -> list[Finding]:

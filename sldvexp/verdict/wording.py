@@ -99,8 +99,16 @@ def pointing_finding(tests: ViewTests, step: float, known: float) -> Finding:
     )
 
 
-def noise_finding(tests: ViewTests, of_points: bool = False) -> Finding | None:
-    """Judge the noise that the views state by the misfit of all, if no view is wrong."""
+def noise_finding(
+    tests: ViewTests, of_points: bool = False, pixels: tuple[int, int] | None = None
+) -> Finding | None:
+    """Judge the noise that the views state by the misfit of all, if no view is wrong.
+
+    Parameters
+    ----------
+    pixels : tuple of int, optional
+        How many of a view see the surface, and how many it takes to follow the field.
+    """
     what, fit, other = (
         ("velocities", "what all views agree on", "directions are less exact than stated")
         if of_points
@@ -115,7 +123,8 @@ def noise_finding(tests: ViewTests, of_points: bool = False) -> Finding | None:
             "noise",
             "views",
             f"the {what} lie {np.sqrt(tests.misfit):.2f} times their stated noise off {fit}: the "
-            f"noise is larger than stated, or {other}; bounds are as much too small",
+            f"noise is larger than stated, or {other}; bounds are as much too small"
+            + ("" if pixels is None else more_pixels(*pixels)),
             Severity.doubtful,
             tests.misfit,
             tests.misfit_p_value,
@@ -132,6 +141,14 @@ def noise_finding(tests: ViewTests, of_points: bool = False) -> Finding | None:
             float(np.sqrt(tests.misfit)),
         )
     return None
+
+
+def more_pixels(now: int, wanted: int) -> str:
+    """Say how many pixels a view needs for the test to follow the field."""
+    return (
+        f"; with {wanted} pixels of each view on the surface, instead of {now}, the test could "
+        "follow it and tell which"
+    )
 
 
 def disagreement(

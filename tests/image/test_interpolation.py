@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
+from scipy.ndimage import binary_dilation
 
 from sldvexp.errors import UserError
 from sldvexp.image import Interpolation, Interpolator
@@ -169,6 +170,37 @@ def test_rate(kind: str, method: Interpolation) -> None:
         np.testing.assert_allclose(rates, 2.0, atol=0.15)
     else:
         assert (rates > 2.75).all()
+
+
+@pytest.mark.parametrize("kind", ["even", "oblique"])
+@pytest.mark.parametrize("hole", [0, 3])
+def test_the_mean_of_a_cell_beside_missing_pixels_has_no_error_of_third_order(
+    kind: str, hole: int
+) -> None:
+    """At the border, or around a hole of 3 x 3: as inside, where errors of both sides cancel."""
+    part = np.stack(np.meshgrid(*[np.arange(0.05, 1.0, 0.1)] * 2), axis=-1).reshape(-1, 2)
+
+    def error(n: int) -> float:
+        image = oblique(n, whole=False) if kind == "oblique" else even(n)
+        rows, columns = image.shape or (n, n)
+        missing = np.zeros((rows, columns), bool)
+        middle = rows // 2, columns // 2
+        missing[tuple(slice(m, m + hole) for m in middle)] = True
+        image.usable = ~missing.ravel()
+        beside = binary_dilation(missing, np.ones((3, 3))) if hole else missing
+        if not hole:
+            beside[[0, -1]] = beside[:, [0, -1]] = True
+        mesh = mesh_of(image)
+        kept = image.usable[mesh.cells].all(axis=1) & beside.ravel()[mesh.cells].any(axis=1)
+        a, b, c, d = np.moveaxis(mesh.vertices[mesh.cells[kept]][:, None], 2, 0)
+        s, t = part[:, :1], part[:, 1:]
+        x = (1 - s) * (1 - t) * a + s * (1 - t) * b + s * t * c + (1 - s) * t * d
+        places = x.reshape(-1, 2)
+        off = Interpolation.cubic.prepare(image).at(places).value @ smooth(image.dac)
+        off -= smooth(places)
+        return float(np.sqrt(np.mean(off.reshape(len(x), -1).mean(axis=1) ** 2)))
+
+    assert np.log2(error(33) / error(65)) > 3.5
 
 
 def test_even_lattice_has_the_catmull_rom_cubic() -> None:

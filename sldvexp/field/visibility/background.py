@@ -7,7 +7,9 @@ rest. Pixels around a structure that moves are taken to be beside it where
     sum_f |v_f|^2 / std_f^2 < chi2(2 F),
 
 for blocks of 2 x 2 pixels, or six pixels next to one another, none of them on the surface: a nodal
-line that crosses the rim is thinner. Assumed: the background rests within its noise.
+line that crosses the rim is thinner. At the border of a lattice a single line is enough where the
+image breaks off at it, which it does not at a nodal line. Assumed: the background rests within
+its noise.
 """
 
 from __future__ import annotations
@@ -31,6 +33,9 @@ from sldvexp.volume import Prisms
 AT_REST = 1e-4
 #: How much stronger than a pixel at rest half of the surface's pixels must move.
 MOVES = 10.0
+#: Pixels of a row that tell how it goes on, and how much more than what they miss of one another a
+#: pixel must be off that.
+CONTINUED, BREAK = 6, 2.0
 #: Pixels next to one another that rest together, where they are not in rows and columns.
 TOGETHER = 6
 
@@ -102,14 +107,43 @@ def _in_blocks(view: View, rests: BoolArray) -> BoolArray:
     """Keep pixels that rest together."""
     if view.shape is not None and min(view.shape) >= 2:
         block = np.ones((2, 2), bool)
-        return np.asarray(
-            scipy.ndimage.binary_opening(rests.reshape(view.shape), block).ravel(), bool
-        )
+        together = scipy.ndimage.binary_opening(rests.reshape(view.shape), block)
+        # The outermost line rests together with what would be beyond it.
+        beyond = np.pad(rests.reshape(view.shape), 1, mode="edge")
+        line = scipy.ndimage.binary_opening(beyond, block)[1:-1, 1:-1]
+        near = scipy.ndimage.binary_dilation(_breaks_off(view), np.ones((3, 3), bool))
+        return np.asarray((together | (line & near)).ravel(), bool)
     if len(rests) < TOGETHER:
         return np.zeros(len(rests), bool)
     near = scipy.spatial.cKDTree(view.dac).query(view.dac, TOGETHER)[1]
     core = rests[near].all(axis=1)
     return np.asarray(rests & core[near].any(axis=1))
+
+
+def _breaks_off(view: View) -> BoolArray:
+    """Find pixels at the border of a lattice that do not go on as the image does, its shape.
+
+    The four pixels before go on as ``4 v_1 - 6 v_2 + 4 v_3 - v_4``, at a nodal line along the
+    border to rest. That misses the fourth power of the pixels' distance, as it does one pixel
+    further inside.
+    """
+    assert view.shape is not None
+    image = np.where(view.usable[:, None], view.velocity, 0.0).reshape(*view.shape, -1)
+    square = np.square(view.std).reshape(len(view.std), -1)
+    square = np.broadcast_to(square, view.velocity.shape).reshape(image.shape)
+    found = np.zeros(view.shape, bool)
+    limit = scipy.special.chdtri(2 * image.shape[2], AT_REST)
+    for turn in range(4):
+        v, s2, border = (np.rot90(of, turn) for of in (image, square, found))  # the last a view
+        if len(v) < CONTINUED:
+            continue
+        off = v[0] - (4 * v[1] - 6 * v[2] + 4 * v[3] - v[4])
+        missed = v[1] - (4 * v[2] - 6 * v[3] + 4 * v[4] - v[5])
+        noise = s2[0] + 16 * s2[1] + 36 * s2[2] + 16 * s2[3] + s2[4]
+        white = np.sum(np.abs(off) ** 2 / np.where(noise > 0, noise, np.inf), axis=1)
+        far = np.sum(np.abs(off) ** 2, axis=1) > BREAK**2 * np.sum(np.abs(missed) ** 2, axis=1)
+        border[0] |= (white > limit) & far
+    return found
 
 
 def _lost(view: View, rests: BoolArray, laser: TwoMirror, prisms: Prisms) -> int:

@@ -33,7 +33,11 @@ class CubicInterpolator(Interpolator):
         self._frame = mesh.frames()
         # Rows: the value of every patch at its own pixel, then its coefficients term by term.
         self._patches = fit_patches(
-            mesh.vertices, self._frame, *mesh.neighbours(), mesh.biquadratic
+            mesh.vertices,
+            self._frame,
+            *mesh.neighbours(),
+            mesh.biquadratic,
+            mesh.beyond_one_side(),
         )
 
     def at(self, dac: Array) -> PixelWeights:
@@ -88,6 +92,8 @@ def _blocks(count: int) -> Iterator[slice]:
 #: Powers of the two coordinates, the constant first: linear, quadratic, biquadratic.
 POWERS = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2), (2, 1), (1, 2), (2, 2))
 TERMS = len(POWERS)
+#: Those of third order or less, but for the third powers themselves.
+CUBIC = POWERS[:8]
 
 
 BIQUADRATIC, QUADRATIC, LINEAR = 9, 6, 3
@@ -96,6 +102,8 @@ BIQUADRATIC, QUADRATIC, LINEAR = 9, 6, 3
 #: Least reciprocal condition number of a fit's (equilibrated) normal matrix. Worse ones are fitted
 #: with fewer terms: they would raise the pixels' noise more than a hundredfold.
 DETERMINED = 1e-4
+#: The same of a fit of third order, whose terms are more alike by nature.
+ONE_SIDED = 1e-7
 #: Coefficients below this are rounding errors of zero, in a frame where neighbours are at about 1.
 NOTHING = 1e-14
 
@@ -127,7 +135,12 @@ def monomials(place: Array) -> tuple[Array, Array]:
 
 
 def fit_patches(
-    vertices: Array, frame: Array, first: IndexArray, second: IndexArray, biquadratic: bool
+    vertices: Array,
+    frame: Array,
+    first: IndexArray,
+    second: IndexArray,
+    biquadratic: bool,
+    wider: tuple[IndexArray, IndexArray] | None = None,
 ) -> scipy.sparse.csr_array:
     """Fit the coefficients of every vertex' patch from the values of the vertices.
 
@@ -140,6 +153,8 @@ def fit_patches(
         Vertices and their neighbours, in ascending order of `first`.
     biquadratic : bool
         Whether to try all terms where the neighbours determine them.
+    wider : pair of ndarray of int, shape (pair,), optional
+        The same of vertices with neighbours on one side only, and of more around them.
 
     Returns
     -------
@@ -156,9 +171,16 @@ def fit_patches(
         pair = np.flatnonzero(left)
         if not len(pair):
             break
-        found, determined = _fit(first[pair], term[pair, 1:size], weight[pair], size == LINEAR)
+        least = -np.inf if size == LINEAR else DETERMINED
+        found, determined = _fit(first[pair], term[pair, 1:size], weight[pair], least)
         coefficient[pair[determined], 1:size] = found[determined]
         left[pair[determined]] = False
+    if wider is not None and len(wider[0]):
+        more = _fit_one_sided(vertices, frame, *wider)
+        sided = np.isin(first, more[0])
+        coefficient[sided] = 0.0
+        first, second = np.append(first, more[0]), np.append(second, more[1])
+        coefficient = np.concatenate([coefficient, more[2]])
     blocks = [scipy.sparse.eye_array(count, format="csr")]
     for m in range(1, TERMS):
         used = np.flatnonzero(np.abs(coefficient[:, m]) > NOTHING)
@@ -170,7 +192,34 @@ def fit_patches(
     return scipy.sparse.vstack(blocks, format="csr")
 
 
-def _fit(first: IndexArray, term: Array, weight: Array, last: bool) -> tuple[Array, BoolArray]:
+def _fit_one_sided(
+    vertices: Array, frame: Array, first: IndexArray, second: IndexArray
+) -> tuple[IndexArray, IndexArray, Array]:
+    """Fit patches that have neighbours on one side as if they had them on all.
+
+    A parabola through pixels on one side misses the third power of their distance, all of it with
+    the same sign; through pixels on both sides it misses what the next patch makes up for. Here
+    the polynomial of third order through more pixels is taken at the places -1, 0, 1 of the
+    missing neighbours: there ``x^3 = x``.
+
+    Returns
+    -------
+    first, second : ndarray of int, shape (pair,)
+        Those of vertices whose pixels determine it.
+    coefficient : ndarray, shape (pair, TERMS)
+    """
+    away = np.einsum("pab,pb->pa", frame[first], vertices[second] - vertices[first])
+    term, _ = monomials(away)
+    every = np.concatenate([term[:, 1 : len(CUBIC)], away**3], axis=1)
+    found, determined = _fit(first, every, np.square(away).sum(axis=1) ** -2.0, ONE_SIDED)
+    coefficient = np.zeros((len(first), TERMS))
+    coefficient[:, 1 : len(CUBIC)] = found[:, :-2]
+    coefficient[:, 1:3] += found[:, -2:]
+    kept = np.flatnonzero(determined)
+    return first[kept], second[kept], coefficient[kept]
+
+
+def _fit(first: IndexArray, term: Array, weight: Array, least: float) -> tuple[Array, BoolArray]:
     """Fit each pair's values: coefficients, shape (pair, term), and whether they are determined."""
     start = np.flatnonzero(np.diff(first, prepend=-1))
     patch = np.cumsum(np.diff(first, prepend=first[0]) > 0)
@@ -179,7 +228,7 @@ def _fit(first: IndexArray, term: Array, weight: Array, last: bool) -> tuple[Arr
     scale = np.sqrt(np.einsum("imm->im", normal))
     scale = np.where(scale > 0, scale, 1.0)
     value, vector = np.linalg.eigh(normal / (scale[:, :, None] * scale[:, None, :]))
-    determined = last | (value[:, 0] > DETERMINED * value[:, -1])
+    determined = value[:, 0] > least * value[:, -1]
     part = vector / scale[:, :, None]
     small = value <= np.finfo(float).eps * value[:, -1:]
     inverse = (part * np.where(small, 0.0, 1 / np.where(small, 1.0, value))[:, None, :]) @ (

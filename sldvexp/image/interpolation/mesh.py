@@ -17,6 +17,8 @@ from sldvexp.image.interpolation.standing_in import stand_ins
 from sldvexp.lazy import scipy
 from sldvexp.typing import Array, BoolArray, IndexArray
 
+#: Rows and columns that patches with neighbours on one side are fitted to.
+WIDER = 5
 #: In cell sizes: by how much a place may be beside a cell and count as on its edge. Rounding only.
 ROUNDING = 1e-10
 
@@ -75,6 +77,10 @@ class ImageMesh(ABC):
     @abstractmethod
     def neighbours(self) -> tuple[IndexArray, IndexArray]:
         """Pair each usable vertex with each usable one near it, in ascending order of the first."""
+
+    def beyond_one_side(self) -> tuple[IndexArray, IndexArray] | None:
+        """Pair usable vertices that lack some neighbours with more around; None where untold."""
+        return None
 
     @abstractmethod
     def frames(self) -> Array:
@@ -163,12 +169,27 @@ class Lattice(ImageMesh):
 
         At the lattice's border of the 3 x 3 pixels next to it.
         """
+        return self._around(np.arange(len(self.vertices)), 3)
+
+    def beyond_one_side(self) -> tuple[IndexArray, IndexArray]:
+        """Pair usable vertices that lack one of their eight neighbours with two rings around them.
+
+        At the lattice's border with the 5 x 5 pixels next to it.
+        """
         rows, columns = self.grid.shape[:2]
-        number = np.arange(rows * columns)
-        row, column = _block(number // columns, rows), _block(number % columns, columns)
+        whole = scipy.ndimage.binary_erosion(
+            self.usable.reshape(rows, columns), np.ones((3, 3), bool)
+        )
+        number = np.flatnonzero(self.usable & ~whole.ravel())
+        return self._around(number, WIDER)
+
+    def _around(self, number: IndexArray, width: int) -> tuple[IndexArray, IndexArray]:
+        """Pair some pixels with the usable ones of a block around each."""
+        rows, columns = self.grid.shape[:2]
+        row = _block(number // columns, rows, width)
+        column = _block(number % columns, columns, width)
         near = (row[:, :, None] * columns + column[:, None, :]).reshape(len(number), -1)
-        first = np.repeat(number, near.shape[1])
-        second = near.ravel()
+        first, second = np.repeat(number, near.shape[1]), near.ravel()
         kept = (first != second) & self.usable[first] & self.usable[second]
         return first[kept], second[kept]
 
@@ -258,10 +279,10 @@ def _interval(axis: Array, x: Array) -> tuple[IndexArray, BoolArray]:
     return np.clip(k, 0, len(axis) - 2), beside
 
 
-def _block(number: IndexArray, size: int) -> IndexArray:
-    """Acquire counts and status of at most BLOCK pixels."""
-    width = min(3, size)
-    return np.clip(number - 1, 0, size - width)[:, None] + np.arange(width)
+def _block(number: IndexArray, size: int, width: int) -> IndexArray:
+    """List rows or columns around some, as many as there are: of `width` in the middle."""
+    width = min(width, size)
+    return np.clip(number - width // 2, 0, size - width)[:, None] + np.arange(width)
 
 
 #: Triangles with a side this much longer than the median triangle's longest span a hole.

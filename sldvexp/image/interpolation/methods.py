@@ -92,7 +92,13 @@ class Interpolation(Enum):
         """
         method, mesh = self.chosen([image]), mesh_of(image)
         parts = PART_ON_A_LATTICE if isinstance(mesh, Lattice) else PART_OF_SCATTERED
-        return mean_error(image, predictions(image, mesh, method._make), parts[method.name])
+        found = mean_error(image, predictions(image, mesh, method._make), parts[method.name])
+        wider = mesh.beyond_one_side() if method is Interpolation.cubic else None
+        if wider is None:
+            return found
+        more = np.ones(len(image.dac))
+        more[np.unique(wider[0])] = OF_ONE_SIDE
+        return scipy.sparse.csr_array(scipy.sparse.diags_array(more) @ found)
 
     @property
     def _make(self) -> type[LinearInterpolator | CubicInterpolator]:
@@ -101,6 +107,9 @@ class Interpolation(Enum):
 
 #: What is left of the misses of predictions, on the average between pixels: of waves on a lattice.
 PART_ON_A_LATTICE = {"linear": 1 / 6, "cubic": 1 / 30}
+#: How much larger it is at pixels without neighbours on one side, found by trial: 1.3 to 1.9 times
+#: of waves in images of 17 to 31 pixels, even and oblique, at their borders and beside holes.
+OF_ONE_SIDE = 2.0
 #: In triangles: of a parabola, the mean over both halves of a square against its corner without
 #: itself; and what triangles with parabolas leave of the third power, found by trial.
 PART_OF_SCATTERED = {"linear": 1 / 3, "cubic": 1 / 6}
