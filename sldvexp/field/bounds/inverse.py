@@ -170,6 +170,24 @@ class ViewInfluence:
         """The same, shape (layer * patch_node * parameter, pixel), in blocks (parameter, 1)."""
         return with_layers_apart(self.beside)
 
+    def transposed_times(self, rows: Array) -> Array:
+        """Multiply ``R^T x`` by few vectors, shape (vector, layer * patch_node * parameter).
+
+        Returns
+        -------
+        ndarray, shape (pixel, vector)
+        """
+        r, (parameters, layers) = self.beside, self.beside.blocksize
+        nodes, pixels = len(r.indptr) - 1, r.shape[1] // layers
+        x = np.moveaxis(rows.reshape(len(rows), layers, nodes, parameters), 0, -1)
+        found = np.zeros((pixels, len(rows)))
+        for layer, i in np.ndindex(layers, parameters):
+            # Rows of R read as columns are those of its transpose.
+            entries = r.data[:, i, layer], r.indices, r.indptr
+            of_layer = scipy.sparse.csc_array(entries, shape=(pixels, nodes))
+            found += of_layer @ np.ascontiguousarray(x[layer, :, i])
+        return found
+
 
 def view_influences(parts: Sequence[RegionSamples], k: int) -> list[ViewInfluence]:
     """Compute a view's influences in several models of the same samples, all at once."""
