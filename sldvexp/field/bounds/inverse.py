@@ -23,7 +23,7 @@ from sldvexp.field.bounds.sparse_inverse_rows import (
     volume_rows,
     with_blocks,
 )
-from sldvexp.field.equations.elements import influence_by_layers, with_layers_apart
+from sldvexp.field.equations.elements import influences_by_layers, with_layers_apart
 from sldvexp.field.equations.regions import RegionSamples
 from sldvexp.field.equations.system import NormalEquations
 from sldvexp.field.solvers.kronecker import KroneckerInverse
@@ -179,24 +179,31 @@ class ViewInfluence:
         """The same, shape (layer * patch_node * parameter, pixel), in blocks (parameter, 1)."""
         return with_layers_apart(self.beside)
 
+    def transposed_times(self, rows: Array) -> Array:
+        """Multiply ``R^T x`` by few vectors, shape (vector, layer * patch_node * parameter).
+
+        Returns
+        -------
+        ndarray, shape (pixel, vector)
+        """
+        r, (parameters, layers) = self.beside, self.beside.blocksize
+        nodes, pixels = len(r.indptr) - 1, r.shape[1] // layers
+        x = np.moveaxis(rows.reshape(len(rows), layers, nodes, parameters), 0, -1)
+        found = np.zeros((pixels, len(rows)))
+        for layer, i in np.ndindex(layers, parameters):
+            # Rows of R read as columns are those of its transpose.
+            entries = r.data[:, i, layer], r.indices, r.indptr
+            of_layer = scipy.sparse.csc_array(entries, shape=(pixels, nodes))
+            found += of_layer @ np.ascontiguousarray(x[layer, :, i])
+        return found
+
 
 def view_influences(parts: Sequence[RegionSamples], k: int) -> list[ViewInfluence]:
     """Compute a view's influences in several models of the same samples, all at once."""
-    patch, weights = parts[0].patch, parts[0].samples.by_view[k].weights
-    each = [part.at.estimator[:, :, k] for part in parts]
-    used = [estimator for estimator in each if estimator.any()]
-    nothing = np.zeros((len(each[0]), 0))
-    together = influence_by_layers(patch, np.concatenate([nothing, *used], axis=1), weights)
-    found, first = [], 0
-    for estimator in each:
-        p = estimator.shape[1]
-        if estimator.any():
-            of_model = with_blocks(together, together.data[:, first : first + p].copy())
-            first += p
-        else:  # its rows leave this view out
-            of_model = influence_by_layers(patch, estimator, weights)
-        found.append(ViewInfluence(of_model))
-    return found
+    weights = parts[0].samples.by_view[k].weights
+    estimators = [part.at.estimator[:, :, k] for part in parts]
+    each = influences_by_layers(parts[0].patch, estimators, weights)
+    return [ViewInfluence(beside) for beside in each]
 
 
 @dataclass(frozen=True, eq=False)

@@ -433,8 +433,8 @@ class Verification:
 
     def add(self, influence: ViewInfluence, k: int) -> None:
         """Compute the exact variances that a view's noise gives."""
-        variance = self.part.model.pixel_std[k] ** 2
-        self.noise[k] = variance @ (influence.apart.T @ self.rows.T) ** 2
+        of_pixels = influence.transposed_times(self.rows)
+        self.noise[k] = self.part.model.pixel_std[k] ** 2 @ of_pixels**2
 
     def largest_error(
         self, noise: Array, kept: Array, pose: PoseEffect | None, right: Array | None

@@ -23,8 +23,8 @@ from sldvexp.typing import Array, BoolArray
 
 #: Columns from which a matrix without blocks is multiplied faster.
 MANY_COLUMNS = 32
-#: Columns up to which samples are summed themselves, without a matrix of the pixels.
-FEW_COLUMNS = 8
+#: Columns up to which samples are summed themselves, some at once, without a matrix of the pixels.
+FEW_COLUMNS, COLUMNS_AT_ONCE = 32, 8
 #: Part of a node's samples that must determine something for the node to count as determined.
 SMALLEST_PART = 0.02
 #: Part of a node's samples that may be missing where none of the prisms at it has them all.
@@ -152,8 +152,13 @@ def _right_side(part: RegionSamples, data: list[Array]) -> Array:
     if not shape[-1]:
         return np.zeros(shape)
     if shape[-1] <= FEW_COLUMNS:
-        side = part.at.estimator @ part.velocities(data)
-        return part.patch.to_nodes(side.reshape(len(side), -1)).reshape(shape)
+        found = np.empty(shape)
+        for first in range(0, shape[-1], COLUMNS_AT_ONCE):
+            some = slice(first, first + COLUMNS_AT_ONCE)
+            side = part.at.estimator @ part.velocities([d[:, some] for d in data])
+            sums = part.patch.to_nodes(side.reshape(len(side), -1))
+            found[..., some] = sums.reshape(*shape[:3], -1)
+        return found
     total = sum(_product(r, velocity) for r, velocity in zip(part.influences, data, strict=True))
     return np.reshape(total, shape)
 

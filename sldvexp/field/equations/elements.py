@@ -9,6 +9,7 @@ samples share pixels.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -189,42 +190,54 @@ def influence(
     return scipy.sparse.bsr_array((blocks, sums.indices, sums.indptr), shape=shape)
 
 
-def influence_by_layers(
-    patch: Patch, estimator: Array, weights: scipy.sparse.csr_array
-) -> scipy.sparse.bsr_array:
-    """Compute `influence` with the layers of a node beside one another.
+def influences_by_layers(
+    patch: Patch, estimators: Sequence[Array], weights: scipy.sparse.csr_array
+) -> list[scipy.sparse.bsr_array]:
+    """Compute `influence` of several models with the layers of a node beside one another.
 
-    They see nearly the same pixels. Gap by gap, for little memory.
+    These see nearly the same pixels. Gap by gap and for all models at once.
+
+    Parameters
+    ----------
+    estimators : sequence of ndarray, shape (sample, parameter)
+        Of each model.
 
     Returns
     -------
-    bsr_array, shape (patch_node * parameter, pixel * layer), blocks (parameter, layer)
+    list of bsr_array, shape (patch_node * parameter, pixel * layer)
+        In blocks (parameter, layer).
     """
-    parameters, pixels = estimator.shape[1], weights.shape[1]
-    gaps, layers = patch.sample_shape[0], patch.layers
-    shape = len(patch.nodes) * parameters, pixels * layers
-    if not estimator.any():  # the rows leave this view out
-        return scipy.sparse.bsr_array(shape, blocksize=(parameters, layers))
-    samples = len(estimator) // gaps
+    gaps, layers, pixels = patch.sample_shape[0], patch.layers, weights.shape[1]
+    samples, used = weights.shape[0] // gaps, [e for e in estimators if e.any()]
+    count = sum(e.shape[1] for e in used)
     across = scipy.sparse.bsr_array(patch.across, blocksize=(1, 1))
     along = np.tile(patch.along, samples // len(patch.shape)).T
-    found = []
-    for gap in range(gaps):
+    of_gaps = []
+    for gap in range(gaps if used else 0):
         here = slice(gap * samples, (gap + 1) * samples)
-        both = (along[:, :, None] * estimator[here, None]).reshape(samples, -1)
+        estimator = np.concatenate([e[here] for e in used], axis=1)
+        both = (along[:, :, None] * estimator[:, None]).reshape(samples, 2 * count)
         of_gap = weights[here]
         of_entries = np.repeat(both, np.diff(of_gap.indptr), axis=0) * of_gap.data[:, None]
         entries = of_entries[:, None], of_gap.indices, of_gap.indptr
-        size = samples, pixels * both.shape[1]
-        found.append(across @ scipy.sparse.bsr_array(entries, shape=size))
-    place, indices, indptr = _union(found, pixels)
-    data = np.zeros((layers, len(indices), parameters))
-    for gap, (of_gap, at) in enumerate(zip(found, place, strict=True)):
-        each = of_gap.data.reshape(len(at), 2, parameters)
-        data[gap][at] += each[:, 0]
-        data[gap + 1][at] += each[:, 1]
-    beside = np.ascontiguousarray(np.moveaxis(data, 0, 2))
-    return scipy.sparse.bsr_array((beside, indices, indptr), shape=shape)
+        size = samples, pixels * 2 * count
+        of_gaps.append(across @ scipy.sparse.bsr_array(entries, shape=size))
+    place, indices, indptr = _union(of_gaps, pixels) if used else ([], [], [])
+    found, first = [], 0
+    for e in estimators:
+        p, shape = e.shape[1], (len(patch.nodes) * e.shape[1], pixels * layers)
+        if not e.any():  # the rows leave this view out
+            found.append(scipy.sparse.bsr_array(shape, blocksize=(p, layers)))
+            continue
+        data = np.zeros((layers, len(indices), p))
+        for gap, (of_gap, at) in enumerate(zip(of_gaps, place, strict=True)):
+            each = of_gap.data.reshape(len(at), 2, count)[:, :, first : first + p]
+            data[gap][at] += each[:, 0]
+            data[gap + 1][at] += each[:, 1]
+        beside = np.ascontiguousarray(np.moveaxis(data, 0, 2))
+        found.append(scipy.sparse.bsr_array((beside, indices, indptr), shape=shape))
+        first += p
+    return found
 
 
 def _union(
@@ -259,7 +272,7 @@ def _union(
 
 
 def with_layers_apart(beside: scipy.sparse.bsr_array) -> scipy.sparse.bsr_array:
-    """Turn a matrix of `influence_by_layers` into that of `influence`, with zeros of its own."""
+    """Turn a matrix of `influences_by_layers` into that of `influence`, with zeros of its own."""
     parameters, layers = beside.blocksize
     nodes, blocks = len(beside.indptr) - 1, len(beside.indices)
     data = np.moveaxis(beside.data, 2, 0).reshape(layers * blocks, parameters, 1)

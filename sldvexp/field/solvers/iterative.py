@@ -72,7 +72,7 @@ COLUMNS_AT_ONCE = 64
 #: Iterations without half the residual after which round-off has been reached.
 PATIENCE = 20
 #: Residual of what is told with three digits, as condition numbers are.
-ROUGH = 1e-6
+ROUGH = 1e-4
 #: A residual that round-off may leave.
 ROUND_OFF = 1e-9
 

@@ -17,7 +17,7 @@ from sldvexp.lazy import scipy
 from sldvexp.typing import Array, BoolArray, IndexArray
 
 #: How many places are weighted at once.
-BLOCK = 8192
+BLOCK = 4096
 
 
 class CubicInterpolator(Interpolator):

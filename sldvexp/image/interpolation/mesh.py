@@ -7,6 +7,7 @@ anywhere else make Delaunay's `Triangles`, in which the holes that flags leave s
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from functools import cached_property
 
 import numpy as np
 
@@ -55,9 +56,13 @@ class ImageMesh(ABC):
         self.cells = cells
         self.usable = usable
         self.merge = merge
-        corners = vertices[cells]
+
+    @cached_property
+    def _bins(self) -> Bins:
+        """Cells by where they are."""
+        corners = self.vertices[self.cells]
         slack = ROUNDING * np.ptp(corners, axis=1)
-        self._bins = Bins.from_boxes(corners.min(axis=1) - slack, corners.max(axis=1) + slack)
+        return Bins.from_boxes(corners.min(axis=1) - slack, corners.max(axis=1) + slack)
 
     @abstractmethod
     def shape_functions(self, corners: Array, places: Array) -> tuple[Array, Array]:
