@@ -95,6 +95,8 @@ def sync_all(folder: Path) -> None:
 
 def make_folder(path: Path) -> None:
     """Make a folder, and those that are missing above it, so that a power cut leaves them there."""
+    if path.is_dir():
+        return
     missing = [p for p in (path, *path.parents) if not p.exists()]
     path.mkdir(parents=True, exist_ok=True)
     for made in missing:

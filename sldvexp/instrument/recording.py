@@ -31,6 +31,7 @@ from sldvexp.instrument.protocol import (
     RawSamples,
     ScanningPlugin,
 )
+from sldvexp.io.arrays import write_arrays
 from sldvexp.laser import TwoMirror
 from sldvexp.limits import too_much_claimed
 from sldvexp.signal import ResponseSums
@@ -83,7 +84,7 @@ def write_line(
         }
     make_folder(path.parent)
     with whole_or_nothing(path, lasting) as beside, beside.open("wb") as file:
-        np.savez(file, dac=dac, asked=asked(acquisition), **found)
+        write_arrays(file, dac=np.asarray(dac), asked=asked(acquisition), **found)
 
 
 def read_line(path: Path) -> tuple[IntArray, Array, RawSamples | ResponseSums] | None:
