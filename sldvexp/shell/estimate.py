@@ -63,6 +63,8 @@ WITH_BOUND = (
     "von_mises",
 )
 
+#: Places whose velocities are made at once.
+PLACES = 4096
 #: Step of the difference by which strains are differentiated by the height, m.
 STEP = 1e-6
 
@@ -247,27 +249,48 @@ class SurfaceField:
         place, height = self.fit.outline.chart.place(self.prisms.position)
         by_layer, z = place.reshape(layers, count, 2), height.reshape(layers, count)
         alike = np.abs(by_layer - by_layer[0]).max() < SAME * np.ptp(place)
-        some = [0, layers // 2, layers - 1] if alike and layers > 3 else list(range(layers))
-        nodes = np.arange(self.prisms.nodes)
-        if len(some) < layers:
-            nodes, each = nodes[:count], z[some]
+        some = [0, layers // 2, layers - 1] if layers > 3 else list(range(layers))
+        if alike:
+            nodes, heights = np.arange(count), z[some]
         else:
-            each = height[None]
-        forms = [form for h in each for form in self._velocity_forms(place[nodes], h, nodes, local)]
+            nodes, heights = np.arange(self.prisms.nodes), height[None]
+        blocks = np.array_split(nodes, -(-len(nodes) // PLACES))
+        each = [self._of_places(place[own], heights[:, own], own, local) for own in blocks]
+
+        def at_all(found: Sequence[NDArray[Any]]) -> NDArray[Any]:
+            whole = np.moveaxis(np.concatenate(found, axis=-2), -3, -2)
+            if alike and len(some) < layers:
+                whole = np.einsum("lsn,...sncf->...lncf", _interpolating(z, heights), whole)
+            return whole.reshape(*whole.shape[:-4], -1, *whole.shape[-2:])
+
+        values, variances = zip(*each, strict=True)
+        return at_all(values), {name: at_all([v[name] for v in variances]) for name in variances[0]}
+
+    def _of_places(
+        self, place: Array, heights: Array, nodes: IndexArray, local: bool
+    ) -> tuple[ComplexArray, dict[str, Array]]:
+        """Compute the velocity and its variances at places, each at several heights.
+
+        Parameters
+        ----------
+        heights : ndarray, shape (height, place), m
+        nodes : ndarray of int, shape (place,)
+            Whose local axes they have.
+
+        Returns
+        -------
+        values : ndarray of complex, shape (height, component, place, frequency)
+        variance : dict of str to ndarray, shape (part, height, component, place, frequency)
+        """
+        shell = self.fit.shell
+        forms = [form for z in heights for form in self._velocity_forms(place, z, nodes, local)]
         thicker = None
         if self._hangs_from_face:
-            by_height = self._velocity_forms(place[nodes], None, nodes, local)
-            thicker = Forms(self.fit.shell, place[nodes], [f * 0.5 for f in by_height] * len(each))
-
-        def at_all(found: NDArray[Any]) -> NDArray[Any]:
-            own = found.reshape(*found.shape[:-2], len(each), 3, len(nodes), found.shape[-1])
-            own = np.moveaxis(own, -3, -2)
-            if len(each) > 1:
-                own = np.einsum("lsn,...sncf->...lncf", _interpolating(z, each), own)
-            return own.reshape(*own.shape[:-4], -1, *own.shape[-2:])
-
-        values, variance = self.fit.by_source(Forms(self.fit.shell, place[nodes], forms), thicker)
-        return at_all(values), {name: at_all(found) for name, found in variance.items()}
+            by_height = self._velocity_forms(place, None, nodes, local)
+            thicker = Forms(shell, place, [form * 0.5 for form in by_height] * len(heights))
+        values, variance = self.fit.by_source(Forms(shell, place, forms), thicker)
+        shape = (len(heights), 3, len(place), values.shape[-1])
+        return values.reshape(shape), {k: v.reshape(2, *shape) for k, v in variance.items()}
 
     def _velocity_forms(
         self, place: Array, height: Array | None, nodes: IndexArray, local: bool

@@ -27,8 +27,8 @@ from sldvexp.shell.outline import Outline
 from sldvexp.shell.pixels import ViewPixels, beams_by_step
 from sldvexp.typing import Array
 
-#: Pixels of all views that are added up together, and up to which all rows stay in memory.
-JOINED, KEPT = 16384, 65536
+#: Pixels of all views that are added up together; if there are no more their rows stay in memory.
+JOINED = 12288
 #: Fields of pointing errors with random signs; a standard error from them is right to 9 %.
 FIELDS = 64
 
@@ -126,7 +126,7 @@ class PixelEquations:
     @property
     def joined(self) -> Iterable[JoinedPixels]:
         """Pixels of all views, some at a time."""
-        return self._kept if len(self.measured.pixel_std) <= KEPT else self._made()
+        return self._kept if len(self.measured.pixel_std) <= JOINED else self._made()
 
     def products(self) -> tuple[Array, Array]:
         """Compute ``A'A``, and ``A'y`` of all columns."""

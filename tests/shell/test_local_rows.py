@@ -2,16 +2,26 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from sldvexp.geometry import Meridian
-from sldvexp.shell import CylinderChart, RevolutionChart, TensorSplines, ThinShell
+from sldvexp.shell import (
+    CylinderChart,
+    RevolutionChart,
+    TensorSplines,
+    ThinShell,
+    estimate_surface,
+    pixel_equations,
+)
 from sldvexp.shell.around_holes import HoleFunctions
 from sldvexp.shell.functionals import Forms, Rows
 from sldvexp.shell.least_stretch import wall_stretch
 from sldvexp.shell.local_rows import LocalRows
 from sldvexp.shell.splines import Splines
+from tests.shell import simulated_shell as lab
 
 HIGH = np.array([0.15, 0.12])
 
@@ -106,3 +116,30 @@ def test_forms_are_functionals_as_their_rows_are(made):
         assert_same(one, other)
     none = Forms(shell, places, forms).evaluate(columns[:, :0], [])
     assert [each.shape for each in none] == [(4500, 0), (4500, 0)]
+
+
+def test_pixels_that_are_joined_in_many_parts_give_the_same(monkeypatch):
+    """Products, equations of errors, pointing, and what no column of several lines holds."""
+    frequency, laser = (190.0, 200.0, 210.0), replace(lab.LASER, pointing_std=0.02)
+    views = lab.views(
+        lab.plate(), np.random.default_rng(3), pixels=(12, 12), frequency=frequency, noise=1e-5
+    )
+    covariance = np.diag(np.tile([15e-6] * 3 + [27e-6] * 3, len(views)) ** 2)
+    fields = []
+    for joined in (pixel_equations.JOINED, 200):
+        monkeypatch.setattr(pixel_equations, "JOINED", joined)
+        found = estimate_surface(
+            views,
+            laser,
+            lab.volume(),
+            lab.method(),
+            lab.SHEET,
+            frequency=frequency,
+            covariance=covariance,
+        )
+        assert found.fit.overlooked is not None
+        assert found.fit.pointed
+        fields.append(found.field())
+    for name in ("velocity", "velocity_std", "velocity_std_by_part", "variance"):
+        whole, in_parts = (field[name].values for field in fields)
+        assert np.abs(in_parts - whole).max() < 1e-8 * np.abs(whole).max()
