@@ -9,6 +9,7 @@ from .conic_fit import ConicFit as ConicFit
 from .conic_fit import fit_ellipse as fit_ellipse
 from .fewer_nodes import FewerNodes as FewerNodes
 from .fewer_nodes import fewer_nodes as fewer_nodes
+from .golden_sphere import golden_sphere as golden_sphere
 from .joined import joined_in_plane as joined_in_plane
 from .joined import joined_points as joined_points
 from .meridian import Meridian as Meridian

@@ -19,6 +19,7 @@ from sldvexp.config.planning import ForbiddenBox, PlanRoom
 from sldvexp.errors import UserError
 from sldvexp.field.visibility.projection import Occlusion
 from sldvexp.field.visibility.view import View
+from sldvexp.geometry import golden_sphere
 from sldvexp.laser import TwoMirror
 from sldvexp.lazy import scipy
 from sldvexp.planner.turning import angles_of
@@ -499,10 +500,9 @@ def of_search(points: Array) -> IntArray:
     >>> np.isin([0, 19, 580, 599], of_search(plate)).all()
     np.True_
     """
-    k = np.arange(OUTWARD) + 0.5  # evenly spread over the sphere
-    cosine, turn = 1 - 2 * k / OUTWARD, np.pi * (1 + np.sqrt(5)) * k
-    sine = np.sqrt(1 - cosine**2)
-    ways = np.stack([sine * np.cos(turn), sine * np.sin(turn), cosine])
+    azimuth, polar = golden_sphere(OUTWARD)
+    sine = np.sin(polar)
+    ways = np.stack([sine * np.cos(azimuth), sine * np.sin(azimuth), np.cos(polar)])
     return np.union1d(spread(points, NODES_FOR_SEARCH), (points @ ways).argmax(axis=0))
 
 

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sldvexp.geometry import rotation_from_euler
+from sldvexp.geometry import golden_sphere, rotation_from_euler
 from sldvexp.pose.least_squares import SKEW, solve, turned
 from sldvexp.typing import Array
 
@@ -143,9 +143,7 @@ def lift(rotation: Array) -> Array:
 @functools.cache
 def rotation_grid() -> tuple[Array, Array, Array]:
     """Spread rotations evenly; with `r` (grid, 10) and ``r r'`` flattened (100, grid)."""
-    i = np.arange(DIRECTIONS)[:, None]
-    azimuth = np.pi * (3 - np.sqrt(5)) * i
-    polar = np.arccos(1 - (2 * i + 1) / DIRECTIONS)
+    azimuth, polar = (angle[:, None] for angle in golden_sphere(DIRECTIONS))
     turn = 2 * np.pi * np.arange(TURNS) / TURNS
     euler = np.stack(np.broadcast_arrays(azimuth, polar, turn), axis=-1)
     rotation = rotation_from_euler(euler.reshape(-1, 3))
