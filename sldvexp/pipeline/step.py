@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, fields
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -106,7 +107,8 @@ class Step:
     needs : tuple of str
         Groups that it looks at, as far as they are there; ``/`` for all.
     reads : tuple of str
-        Keys of the configuration that decide what it adds, if it is shared.
+        Keys of the configuration that decide what it adds, if it is shared. Of a plugin a dotted
+        key reads one setting, and ``*`` stands for the entries of a table: ``compare.*.robust``.
     """
 
     name: str
@@ -120,6 +122,11 @@ class Step:
     def shared(self) -> bool:
         """True if runs of a sweep share its result."""
         return bool(self.reads)
+
+    @property
+    def keys(self) -> set[str]:
+        """Keys of the configuration, not dotted, of which it reads something."""
+        return {key.partition(".")[0] for key in self.reads}
 
     def after(self, earlier: Iterable[Step]) -> tuple[str, ...]:
         """Name those of the steps before this one that make what it needs."""
@@ -138,6 +145,23 @@ class Step:
         for group in run.tree.keys() - before:
             if not _overlap([group], self.makes):
                 raise RuntimeError(f"the step {self.name} adds {group}, which it does not declare")
+
+
+def setting(settings: Any, key: str) -> Any:
+    """Find what a step reads of plain settings; None where there is nothing.
+
+    Examples
+    --------
+    >>> setting({"compare": {"a": {"robust": "off"}, "b": {}}}, "compare.*.robust")
+    {'a': 'off', 'b': None}
+    """
+    first, _, rest = key.partition(".")
+    if not isinstance(settings, dict):
+        return None
+    if first == "*":
+        return {name: setting(entry, rest) for name, entry in settings.items()}
+    found = settings.get(first)
+    return setting(found, rest) if rest else found
 
 
 def _overlap(some: Iterable[str], others: Iterable[str]) -> bool:
@@ -160,7 +184,7 @@ def check_contracts(steps: Sequence[Step]) -> None:
     """
     keys = {f.name for f in fields(Experiment)}
     for place, step in enumerate(steps):
-        if unknown := set(step.reads) - keys:
+        if unknown := step.keys - keys:
             raise ValueError(f"the step {step.name} reads {sorted(unknown)}, which no key is")
         made = [group for earlier in steps[:place] for group in earlier.makes]
         if lost := [group for group in step.needs if not _overlap([group], made)]:

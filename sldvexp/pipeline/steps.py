@@ -36,6 +36,10 @@ FLAGGED = "flagged/"
 #: Where the strains of compared methods lie.
 COMPARED_STRAIN = "compare_strain/"
 
+#: Make a field by a method: its group, or that of splines on the surface and of their strain.
+Way = Callable[[Reconstruction], xr.Dataset]
+SurfaceWay = Callable[[shell.SurfaceReconstruction], Sequence[xr.Dataset]]
+
 
 def _target(run: Run) -> None:
     """Add the calibration object's points."""
@@ -255,18 +259,36 @@ def _point(run: Run) -> None:
             "images of the structure"
         )
     velocities = run.tree["line_of_sight"]
-    _reconstruct(run, "point", lambda method: method.group(velocities))
+    e = run.experiment
+    methods = {"point": e.reconstruction} if e.reconstruction else {}
+    _reconstruct(run, "point", methods | _compared(e), lambda method: method.group(velocities))
 
 
 def _field(run: Run) -> None:
-    """Reconstruct the velocity over the volume, by the chosen method and the others."""
-    e = run.experiment
+    """Reconstruct the velocity over the volume, by the chosen method."""
+    _require_solver(run.experiment)
+    _reconstruct(run, "field", {"field": run.experiment.reconstruction}, *_ways(run))
+
+
+def _compared_fields(run: Run) -> None:
+    """Reconstruct the velocity over the volume by the methods that the chosen one meets."""
+    _require_solver(run.experiment)
+    _reconstruct(run, "compared", _compared(run.experiment), *_ways(run))
+
+
+def _require_solver(e: Experiment) -> None:
     if e.laser is None or e.solver is None:
         raise UserError("field: needs a laser and a solver, for example solver=iterative")
-    if e.stream is not None:
-        _streamed_field(run)
-        return
-    _reconstruct(run, "field", partial(_in_volume, e, run.tree), partial(_on_surface, e, run.tree))
+
+
+def _compared(e: Experiment) -> dict[str, Reconstruction]:
+    return {f"compare/{name}": method for name, method in e.compare.items()}
+
+
+def _ways(run: Run) -> tuple[Way, SurfaceWay]:
+    """Say how fields are made of the images: in the volume, and on its surface."""
+    e = run.experiment
+    return partial(_in_volume, e, run.tree), partial(_on_surface, e, run.tree)
 
 
 def _in_volume(e: Experiment, tree: Mapping[str, xr.Dataset], method: Reconstruction) -> xr.Dataset:
@@ -303,9 +325,10 @@ def _fields_of_modes(run: Run) -> None:
     run.tree |= dict(zip(("modes/field", "modes/strain"), wider, strict=False))
 
 
-def _streamed_field(run: Run) -> None:
-    """Do the same with some frequencies in memory at a time."""
+def _streamed_fields(run: Run) -> None:
+    """Reconstruct the velocity by all methods, with some frequencies in memory at a time."""
     e = run.experiment
+    _require_solver(e)
     chunks = e.stream.chunks
     images = {
         k: importers.image_file.in_chunks(v, chunks)
@@ -332,27 +355,31 @@ def _streamed_field(run: Run) -> None:
             lines = velocity_field.streaming.slices(first["velocity"], "frequency")
             return shell.streamed.stream_surface(found, lines, next(folders))
 
-        _reconstruct(run, "field", streamed, on_surface)
+        methods = {"field": e.reconstruction} if e.reconstruction else {}
+        _reconstruct(run, "field", methods | _compared(e), streamed, on_surface)
 
 
 def _reconstruct(
     run: Run,
-    group: str,
-    work: Callable[[Reconstruction], xr.Dataset],
-    on_surface: Callable[[shell.SurfaceReconstruction], Sequence[xr.Dataset]] | None = None,
+    stage: str,
+    methods: Mapping[str, Reconstruction],
+    work: Way,
+    on_surface: SurfaceWay | None = None,
 ) -> None:
-    """Add the groups of the chosen method and of those it is compared with.
+    """Add the groups of some methods.
 
     Parameters
     ----------
+    stage : str
+        That findings are of.
+    methods : mapping of str to Reconstruction
+        By the names of their groups; those of compared methods are below ``compare/``.
     work : callable
         From a method to its group.
     on_surface : callable, optional
         From splines on the volume's surface to their field and, if they have one, its strain.
     """
     e = run.experiment
-    methods = {group: e.reconstruction} if e.reconstruction else {}
-    methods |= {f"compare/{name}": method for name, method in e.compare.items()}
     for name, method in methods.items():
         try:
             if not isinstance(method, shell.SurfaceReconstruction):
@@ -368,10 +395,10 @@ def _reconstruct(
             for found in strain:
                 run.tree["strain" if name == "field" else f"{COMPARED_STRAIN}{compared}"] = found
         except UserError as error:
-            where = "reconstruction" if name == group else name.replace("/", ".")
+            where = name.replace("/", ".") if "/" in name else "reconstruction"
             raise UserError(f"{where}: {error}") from None
     if findings := take_findings(run.tree):
-        run.tree[f"{VERDICT}/{group}"] = findings_to_dataset(findings)
+        run.tree[f"{VERDICT}/{stage}"] = findings_to_dataset(findings)
 
 
 def _truth(run: Run) -> None:
@@ -433,13 +460,21 @@ MEASURING = (
     "stream",  # which decides where images are kept
 )
 POSING = ("target", "laser", "pose", "compare_pose")
-SOLVING = ("laser", "volume", "reconstruction", "material", "compare", "solver", "stream")
+SOLVING = ("laser", "volume", "material", "solver", "stream")
+ROBUST = ("reconstruction.robust", "compare.*.robust", "compare.*.plugin")  # and its default
+FIELDS_NEED = ("pose", "volume", "image/")
 SCANNED = ("edge/", "image/", "registration", f"{COMPARED_SCANS}/")
 
 STEPS: tuple[Step, ...] = (
     Step(TARGET, lambda e: e.target is not None, _target, makes=("target",)),
     # Before anything is measured: an unsound volume should not cost a morning's scan.
-    Step(VOLUME, lambda e: e.volume is not None, _volume, makes=("volume",), reads=("volume",)),
+    Step(
+        VOLUME,
+        lambda e: e.volume is not None,
+        _volume,
+        makes=("volume",),
+        reads=("volume", *ROBUST),
+    ),
     Step(
         "place of the model",
         lambda e: e.model is not None,
@@ -485,7 +520,7 @@ STEPS: tuple[Step, ...] = (
         _views,
         makes=(f"{VERDICT}/views", "image/", "pose", FLAGGED),
         needs=("pose", "volume", "image/"),
-        reads=("laser", "volume", "pose", "reconstruction", "compare", "use_repair", "stream"),
+        reads=("laser", "volume", "pose", *ROBUST, "use_repair", "stream"),
     ),
     Step(
         "comparison of the views of points",
@@ -515,7 +550,7 @@ STEPS: tuple[Step, ...] = (
         _fields_of_modes,
         makes=("modes/field", "modes/strain"),
         needs=("modes", "pose", "volume", MODAL_IMAGES),
-        reads=SOLVING,
+        reads=(*SOLVING, "reconstruction"),
     ),
     Step(
         "velocity at points",
@@ -526,11 +561,28 @@ STEPS: tuple[Step, ...] = (
     ),
     Step(
         "velocity field",
-        lambda e: _reconstructs(e) and e.volume is not None,
+        lambda e: bool(e.reconstruction) and e.volume is not None and e.stream is None,
         _field,
+        makes=("field", "strain", f"{VERDICT}/field"),
+        needs=FIELDS_NEED,
+        reads=(*SOLVING, "reconstruction"),
+    ),
+    # Apart from it, so that runs by other methods share what they are compared with.
+    Step(
+        "compared fields",
+        lambda e: bool(e.compare) and e.volume is not None and e.stream is None,
+        _compared_fields,
+        makes=("compare/", COMPARED_STRAIN, f"{VERDICT}/compared"),
+        needs=FIELDS_NEED,
+        reads=(*SOLVING, "compare"),
+    ),
+    Step(
+        "streamed fields",
+        lambda e: _reconstructs(e) and e.volume is not None and e.stream is not None,
+        _streamed_fields,
         makes=("field", "strain", "compare/", COMPARED_STRAIN, f"{VERDICT}/field"),
-        needs=("pose", "volume", "image/"),
-        reads=SOLVING,
+        needs=FIELDS_NEED,
+        reads=(*SOLVING, "reconstruction", "compare"),
     ),
     Step(
         "truth of the virtual lab",

@@ -25,7 +25,7 @@ from sldvexp.errors import UserError
 from sldvexp.files import read_json
 from sldvexp.lazy import xarray as xr
 from sldvexp.pipeline import provenance
-from sldvexp.pipeline.step import Run, Step
+from sldvexp.pipeline.step import Run, Step, setting
 from sldvexp.sweep.lock import locked
 from sldvexp.sweep.record import Stopwatch
 from sldvexp.writing import whole_or_nothing
@@ -98,7 +98,7 @@ class Store:
         return _digest(
             [
                 step.name,
-                {key: repr(self._settings[key]) for key in step.reads},
+                {key: repr(setting(self._settings, key)) for key in step.reads},
                 {key: self._plugins.get(key) for key in step.reads},
                 {name: self._states.get(name) for name in step.after(self._done)},
                 provenance.versions(),

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import statistics
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 from sldvexp.config.experiment import Experiment
 from sldvexp.pipeline.step import Step
@@ -99,16 +99,37 @@ def deciding(step: Step, overrides: Sequence[str]) -> tuple[str, ...]:
     >>> scan = next(step for step in STEPS if step.name == "scan")
     >>> deciding(scan, ["seed=2", "pose=edge", "scan.pixels=[3,4]", "experiment=plate"])
     ('seed=2', 'scan.pixels=[3,4]', 'experiment=plate')
+    >>> views = next(step for step in STEPS if step.name == "comparison of the views")
+    >>> deciding(views, ["reconstruction=absolute", "compare.a.robust=off", "compare.a.rows=all"])
+    ('compare.a.robust=off',)
     """
     earlier = STEPS[: STEPS.index(step)]
     before = [s for s in earlier if s.name in step.after(earlier)]
     reads = {key for s in (step, *before) for key in s.reads}
     for upstream in before:
-        reads.update(_key(o) for o in deciding(upstream, overrides))
-    return tuple(o for o in overrides if _key(o) in reads or _key(o) not in KEYS)
+        reads.update(_name(o) for o in deciding(upstream, overrides))
+    return tuple(o for o in overrides if _is_read(o, reads) or _key(o) not in KEYS)
+
+
+def _is_read(override: str, reads: Iterable[str]) -> bool:
+    """Tell whether an override gives what is read; who chooses a plugin keeps its usual settings.
+
+    Such a choice may decide a setting that is read of the plugin after all, which costs time.
+    """
+    parts = _name(override).split(".")
+    whole = len(parts) == 1 and "{" not in override
+    for read in (key.split(".") for key in reads):
+        met = all(r in ("*", p) for r, p in zip(read, parts, strict=False))
+        if met and not (whole and len(read) > 1):
+            return True
+    return False
 
 
 def _key(override: str) -> str:
     """Find the key of the configuration that an override is about, as ``laser``."""
-    name = override.lstrip("+~").partition("=")[0].rpartition("@")[2]
-    return name.replace("/", ".").partition(".")[0]
+    return _name(override).partition(".")[0]
+
+
+def _name(override: str) -> str:
+    """Find the dotted key that an override is about."""
+    return override.lstrip("+~").partition("=")[0].rpartition("@")[2].replace("/", ".")

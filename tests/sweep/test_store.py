@@ -65,7 +65,8 @@ def test_poses_of_one_scan(sldvexp, tmp_path):
 
 @pytest.mark.long
 def test_fields_of_one_session(sldvexp, tmp_path):
-    shared = {"scan": 1, "pose": 1, "volume": 1, "velocity field": 0}
+    shared = dict.fromkeys(["scan", "pose", "volume", "comparison of the views"], 1)
+    shared |= {"compared fields": 1, "velocity field": 0}
     swept = "reconstruction=absolute,relative"
     alike_with_and_without(sldvexp, tmp_path, FIELDS, swept, shared)
 
@@ -95,7 +96,7 @@ def as_declared(settings, tmp_path):
         seen = {n: g for name, groups in made.items() for n, g in groups.items()
                 if not step.shared or name in step.after(done)}  # fmt: skip
         hidden = {
-            f.name: Undeclared() for f in fields(e) if step.shared and f.name not in step.reads
+            f.name: Undeclared() for f in fields(e) if step.shared and f.name not in step.keys
         }
         given = Experiment(**{f.name: hidden.get(f.name, getattr(e, f.name)) for f in fields(e)})
         rng = None if step.shared else np.random.default_rng(0)
@@ -104,7 +105,7 @@ def as_declared(settings, tmp_path):
         made[step.name] = {n: g for n, g in run.tree.items() if seen.get(n) is not g}
         done.append(step)
         assert [n for n in seen if n not in run.tree] == []
-        if step.name == "velocity field":
+        if step.name == "compared fields":
             break
     return [step.name for step in done if step.shared]
 
@@ -116,7 +117,8 @@ def test_steps_read_what_they_declare(tmp_path):
 @pytest.mark.long
 def test_steps_of_fields_read_what_they_declare(tmp_path):
     done = as_declared(FIELDS, tmp_path)
-    assert done == ["volume", "scan", "pose", "velocity field"]
+    names = ["comparison of the views", "velocity field", "compared fields"]
+    assert done == ["volume", "scan", "pose", *names]
 
 
 # A step of no cost shows what decides whether it is done.
@@ -302,6 +304,8 @@ def test_contracts_that_cannot_be_true(declared, told):
 def test_what_a_step_needs_decides_its_shared_result():
     after = {step.name: step.after(STEPS[:i]) for i, step in enumerate(STEPS)}
     assert after["pose"] == ("calibration object", "scan")
-    assert set(after["velocity field"]) == {
-        "scan", "pose", "volume", "velocity images", "images of points", "comparison of the views"
-    }  # fmt: skip
+    for fields_of in ("velocity field", "compared fields", "streamed fields"):
+        assert set(after[fields_of]) == {
+            "scan", "pose", "volume", "velocity images", "images of points",
+            "comparison of the views",
+        }  # fmt: skip
