@@ -28,12 +28,11 @@ from sldvexp.shell.around_holes import HoleFunctions
 from sldvexp.shell.beyond_rim import strangers
 from sldvexp.shell.calibration import CalibrationError, calibration_errors
 from sldvexp.shell.ended import without, without_resting_sides
-from sldvexp.shell.functionals import Forms
 from sldvexp.shell.least_stretch import wall_stretch
-from sldvexp.shell.linear_form import LinearForm, summed
 from sldvexp.shell.love import STRAINS, ThinShell
 from sldvexp.shell.material import Isotropic
 from sldvexp.shell.method import GivenSurface, PoseTreatment, SurfaceReconstruction
+from sldvexp.shell.nodal_velocity import NodalVelocity
 from sldvexp.shell.nuisances import PriorErrors
 from sldvexp.shell.outline import Outline
 from sldvexp.shell.principal import PRINCIPAL
@@ -43,7 +42,7 @@ from sldvexp.shell.splines import TensorSplines
 from sldvexp.shell.surface_fit import TYPICAL, SurfaceFit, fit
 from sldvexp.shell.surface_strain import SurfaceStrain
 from sldvexp.statistics import student_factor
-from sldvexp.typing import Array, BoolArray, ComplexArray, IndexArray
+from sldvexp.typing import Array, BoolArray, ComplexArray
 from sldvexp.volume import Coordinates, Prisms, Volume
 
 #: Splines reach so far beyond the outermost pixel, over the rectangle's sides.
@@ -55,16 +54,12 @@ AGAIN = 6
 #: Length over which the middle's motion along itself varies, over the longer side.
 LENGTH = 2 / 3
 
-#: Difference of coordinates, over their extent, that is none.
-SAME = 1e-9
 #: Results on the surface that have intervals of their own.
 WITH_BOUND = (
     *("strain", "middle_strain", "back_strain", "bending_strain", "principal_strain"),
     "von_mises",
 )
 
-#: Places whose velocities are made at once.
-PLACES = 4096
 #: Step of the difference by which strains are differentiated by the height, m.
 STEP = 1e-6
 
@@ -110,7 +105,8 @@ class SurfaceField:
     def field(self) -> xr.Dataset:
         """Make the group ``field``."""
         local = self.volume.coordinates is Coordinates.local
-        values, variance = self._at_nodes(local)
+        nodes = NodalVelocity(self.fit, self.prisms, local, self._hangs_from_face)
+        values, variance = nodes.by_source()
         if NO_COVARIANCE in self.notes and not variance["pose"].any():
             del variance["pose"]  # nothing tells them, which is not that they are none
         std = np.sqrt(np.sum(list(variance.values()), axis=0))
@@ -233,81 +229,6 @@ class SurfaceField:
     def _hangs_from_face(self) -> bool:
         """True if nodes are laid around the face, so that the thickness decides their height."""
         return self.method.of_middle and self.method.given is GivenSurface.face
-
-    def _at_nodes(self, local: bool) -> tuple[ComplexArray, dict[str, Array]]:
-        """Compute the velocity and its variances at all nodes, as `SurfaceFit.by_source` does.
-
-        The velocity is linear in the height and its variances are quadratic: where the layers have
-        the same coordinates, three of them give all.
-
-        Returns
-        -------
-        values : ndarray of complex, shape (node, component, frequency)
-        variance : dict of str to ndarray, shape (part, node, component, frequency)
-        """
-        layers, count = self.prisms.layers, self.prisms.surface_nodes
-        place, height = self.fit.outline.chart.place(self.prisms.position)
-        by_layer, z = place.reshape(layers, count, 2), height.reshape(layers, count)
-        alike = np.abs(by_layer - by_layer[0]).max() < SAME * np.ptp(place)
-        some = [0, layers // 2, layers - 1] if layers > 3 else list(range(layers))
-        if alike:
-            nodes, heights = np.arange(count), z[some]
-        else:
-            nodes, heights = np.arange(self.prisms.nodes), height[None]
-        blocks = np.array_split(nodes, -(-len(nodes) // PLACES))
-        each = [self._of_places(place[own], heights[:, own], own, local) for own in blocks]
-
-        def at_all(found: Sequence[NDArray[Any]]) -> NDArray[Any]:
-            whole = np.moveaxis(np.concatenate(found, axis=-2), -3, -2)
-            if alike and len(some) < layers:
-                whole = np.einsum("lsn,...sncf->...lncf", _interpolating(z, heights), whole)
-            return whole.reshape(*whole.shape[:-4], -1, *whole.shape[-2:])
-
-        values, variances = zip(*each, strict=True)
-        return at_all(values), {name: at_all([v[name] for v in variances]) for name in variances[0]}
-
-    def _of_places(
-        self, place: Array, heights: Array, nodes: IndexArray, local: bool
-    ) -> tuple[ComplexArray, dict[str, Array]]:
-        """Compute the velocity and its variances at places, each at several heights.
-
-        Parameters
-        ----------
-        heights : ndarray, shape (height, place), m
-        nodes : ndarray of int, shape (place,)
-            Whose local axes they have.
-
-        Returns
-        -------
-        values : ndarray of complex, shape (height, component, place, frequency)
-        variance : dict of str to ndarray, shape (part, height, component, place, frequency)
-        """
-        shell = self.fit.shell
-        forms = [form for z in heights for form in self._velocity_forms(place, z, nodes, local)]
-        thicker = None
-        if self._hangs_from_face:
-            by_height = self._velocity_forms(place, None, nodes, local)
-            thicker = Forms(shell, place, [form * 0.5 for form in by_height] * len(heights))
-        values, variance = self.fit.by_source(Forms(shell, place, forms), thicker)
-        shape = (len(heights), 3, len(place), values.shape[-1])
-        return values.reshape(shape), {k: v.reshape(2, *shape) for k, v in variance.items()}
-
-    def _velocity_forms(
-        self, place: Array, height: Array | None, nodes: IndexArray, local: bool
-    ) -> list[LinearForm]:
-        """Make the forms of every component at nodes.
-
-        Without a height they are the derivatives by the height.
-        """
-        shell = self.fit.shell
-        own = shell.motion_by_height(place) if height is None else shell.motion(place, height)
-        frames = self.fit.outline.chart.frames(place)
-        if local:
-            axes = self.prisms.frame[nodes % self.prisms.surface_nodes]
-            turn = np.einsum("nai,nbi->nab", axes, frames)
-        else:
-            turn = np.swapaxes(frames, 1, 2)
-        return [summed([own[i] * turn[:, a, i] for i in range(3)]) for a in range(3)]
 
     def _residual_squares(self) -> tuple[Array, Array]:
         """Add up squared residuals, (view, frequency), and compare them with the stated noise."""
@@ -508,25 +429,6 @@ def _without_strangers(
         if len(out)
     ]
     return found, told
-
-
-def _interpolating(z: Array, known: Array) -> Array:
-    """Make the weights of three heights that give quadratic functions at others.
-
-    Parameters
-    ----------
-    z : ndarray, shape (layer, node)
-    known : ndarray, shape (3, node)
-
-    Returns
-    -------
-    ndarray, shape (layer, 3, node)
-    """
-    weights = np.ones((len(z), 3, z.shape[1]))
-    for i in range(3):
-        for j in {0, 1, 2} - {i}:
-            weights[:, i] *= (z - known[j]) / (known[i] - known[j])
-    return weights
 
 
 def _heights(method: SurfaceReconstruction, material: Isotropic | None) -> tuple[float, float]:

@@ -14,6 +14,7 @@ from sldvexp.shell import (
     TensorSplines,
     ThinShell,
     estimate_surface,
+    nodal_velocity,
     pixel_equations,
 )
 from sldvexp.shell.around_holes import HoleFunctions
@@ -118,16 +119,17 @@ def test_forms_are_functionals_as_their_rows_are(made):
     assert [each.shape for each in none] == [(4500, 0), (4500, 0)]
 
 
-def test_pixels_that_are_joined_in_many_parts_give_the_same(monkeypatch):
-    """Products, equations of errors, pointing, and what no column of several lines holds."""
+def test_pixels_and_places_in_many_parts_give_the_same(monkeypatch):
+    """Products, equations of errors, pointing, what no column of several lines holds, nodes."""
     frequency, laser = (190.0, 200.0, 210.0), replace(lab.LASER, pointing_std=0.02)
     views = lab.views(
         lab.plate(), np.random.default_rng(3), pixels=(12, 12), frequency=frequency, noise=1e-5
     )
     covariance = np.diag(np.tile([15e-6] * 3 + [27e-6] * 3, len(views)) ** 2)
     fields = []
-    for joined in (pixel_equations.JOINED, 200):
+    for joined, places in ((pixel_equations.JOINED, nodal_velocity.PLACES), (200, 50)):
         monkeypatch.setattr(pixel_equations, "JOINED", joined)
+        monkeypatch.setattr(nodal_velocity, "PLACES", places)
         found = estimate_surface(
             views,
             laser,
