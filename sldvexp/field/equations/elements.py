@@ -209,11 +209,16 @@ def influences_by_layers(
     """
     gaps, layers, pixels = patch.sample_shape[0], patch.layers, weights.shape[1]
     samples, used = weights.shape[0] // gaps, [e for e in estimators if e.any()]
+    shapes = [(len(patch.nodes) * e.shape[1], pixels * layers) for e in estimators]
+    if not used:
+        blocks = [(e.shape[1], layers) for e in estimators]
+        pairs = zip(shapes, blocks, strict=True)
+        return [scipy.sparse.bsr_array(shape, blocksize=block) for shape, block in pairs]
     count = sum(e.shape[1] for e in used)
     across = scipy.sparse.bsr_array(patch.across, blocksize=(1, 1))
     along = np.tile(patch.along, samples // len(patch.shape)).T
     of_gaps = []
-    for gap in range(gaps if used else 0):
+    for gap in range(gaps):
         here = slice(gap * samples, (gap + 1) * samples)
         estimator = np.concatenate([e[here] for e in used], axis=1)
         both = (along[:, :, None] * estimator[:, None]).reshape(samples, 2 * count)
@@ -222,10 +227,10 @@ def influences_by_layers(
         entries = of_entries[:, None], of_gap.indices, of_gap.indptr
         size = samples, pixels * 2 * count
         of_gaps.append(across @ scipy.sparse.bsr_array(entries, shape=size))
-    place, indices, indptr = _union(of_gaps, pixels) if used else ([], [], [])
+    place, indices, indptr = _union(of_gaps, pixels)
     found, first = [], 0
-    for e in estimators:
-        p, shape = e.shape[1], (len(patch.nodes) * e.shape[1], pixels * layers)
+    for e, shape in zip(estimators, shapes, strict=True):
+        p = e.shape[1]
         if not e.any():  # the rows leave this view out
             found.append(scipy.sparse.bsr_array(shape, blocksize=(p, layers)))
             continue
