@@ -163,6 +163,7 @@ def test_copies_are_quick_only_for_who_asks():
 
 
 def test_choices_are_known_to_defaults_that_refer_to_them(tmp_path):
+    hydra_plugin.install()
     (tmp_path / "mine.yaml").write_text(
         "defaults:\n- config\n- extra: ${solver}_one\n- _self_\n- override solver: direct\n"
     )
@@ -174,6 +175,7 @@ def test_choices_are_known_to_defaults_that_refer_to_them(tmp_path):
 
 
 def test_a_file_that_changes_is_read_anew(tmp_path):
+    hydra_plugin.install()
     (tmp_path / "solver").mkdir()
     path = create_config_search_path(str(conf_dir()))
     path.prepend("command-line", f"file://{tmp_path}")
