@@ -271,7 +271,7 @@ def _field(run: Run) -> None:
 
 
 def _compared_fields(run: Run) -> None:
-    """Reconstruct the velocity over the volume by the methods that the chosen one meets."""
+    """Do so by the methods that the chosen one meets, which runs by other ones share."""
     _require_solver(run.experiment)
     _reconstruct(run, "compared", _compared(run.experiment), *_ways(run))
 
@@ -567,7 +567,6 @@ STEPS: tuple[Step, ...] = (
         needs=FIELDS_NEED,
         reads=(*SOLVING, "reconstruction"),
     ),
-    # Apart from it, so that runs by other methods share what they are compared with.
     Step(
         "compared fields",
         lambda e: bool(e.compare) and e.volume is not None and e.stream is None,

@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from typing import NamedTuple
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sldvexp.instrument import InstrumentError
 from sldvexp.typing import Array, IntArray
 from sldvexp.virtual_lab.electronics import PixelNoise
 from sldvexp.virtual_lab.pointing import MirrorPath
+
+#: Pixels computed at once, filled up if they are fewer: arithmetic in arrays of one shape gives a
+#: pixel the same last bits wherever it stands in a list.
+BLOCK = 64
+#: Blocks that short scan lines fill together, if it is known that they come.
+AHEAD = 8
 
 
 class Stretch(NamedTuple):
@@ -30,13 +37,77 @@ class Stretch(NamedTuple):
     pixels: int
 
 
-class ScannedLine(NamedTuple):
-    """A line that was computed before it is scanned: what comes of it, and the mirrors' way."""
+Counts = NDArray[np.int16]
+Statuses = NDArray[np.uint8]
 
-    dac: IntArray
-    counts: NDArray[np.int16]
-    status: NDArray[np.uint8]
-    path: MirrorPath
+
+class AnnouncedLines:
+    """Lines that are going to be scanned; short ones are computed together.
+
+    Parameters
+    ----------
+    checked : callable
+        Checks the steps of a line.
+    way : callable
+        Gives the mirrors' way along the line of a number.
+    block : callable
+        Computes counts and status of at most `BLOCK` pixels, by their stretches and ways.
+    """
+
+    def __init__(
+        self,
+        checked: Callable[[NDArray[Any]], IntArray],
+        way: Callable[[int], MirrorPath],
+        block: Callable[[IntArray, list[Stretch], list[MirrorPath]], tuple[Counts, Statuses]],
+    ) -> None:
+        self._checked, self._way, self._block = checked, way, block
+        self._expected: Sequence[tuple[IntArray, int]] = ()
+        self._known: dict[int, tuple[IntArray, Counts, Statuses, MirrorPath]] = {}
+
+    def expect(self, lines: Sequence[tuple[IntArray, int]]) -> None:
+        """Hear of lines, pixels and numbers."""
+        if lines is not self._expected:
+            self._expected, self._known = lines, {}
+
+    def forget(self) -> None:
+        """Forget what was computed, as it would come out otherwise now."""
+        self._known = {}
+
+    def line(self, steps: IntArray, stream: int) -> tuple[Counts, Statuses, MirrorPath] | None:
+        """Give counts, status and the mirrors' way of a short line; None of others."""
+        if not 0 < len(steps) < BLOCK:
+            return None
+        if stream not in self._known:
+            self._known = self._computed(stream)
+        found = self._known.pop(stream, None)
+        return found[1:] if found and np.array_equal(found[0], steps) else None
+
+    def _computed(self, stream: int) -> dict[int, tuple[IntArray, Counts, Statuses, MirrorPath]]:
+        """Compute lines from one on, as long as they are short and fill blocks together."""
+        told = [number for _, number in self._expected]
+        taken: list[tuple[IntArray, int]] = []
+        for dac, number in self._expected[told.index(stream) :] if stream in told else ():
+            pixels = sum(len(d) for d, _ in taken) + len(dac)
+            if not len(dac) < BLOCK or pixels > AHEAD * BLOCK:
+                break
+            try:
+                taken.append((self._checked(np.asarray(dac)), number))
+            except InstrumentError:  # which is told when its turn has come
+                break
+        if len(taken) < 2:
+            return {}
+        steps = np.concatenate([dac for dac, _ in taken])
+        owner = np.repeat(np.arange(len(taken)), [len(dac) for dac, _ in taken])
+        numbers = [number for _, number in taken]
+        ways = [self._way(number) for number in numbers]
+        blocks = []
+        for some, found, stretches in stretches_of(owner, numbers, BLOCK):
+            blocks.append(self._block(steps[some], stretches, [ways[k] for k in found]))
+        counts, status = (np.concatenate(each) for each in zip(*blocks, strict=True))
+        return {
+            number: (dac, counts[owner == k], status[owner == k], ways[k])
+            for k, (dac, number) in enumerate(taken)
+        }
 
 
 def stretches_of(

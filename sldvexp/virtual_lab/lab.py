@@ -20,7 +20,7 @@ from sldvexp.signal import ExcitationKind
 from sldvexp.targets import Target
 from sldvexp.typing import Array, BoolArray, ComplexArray, IntArray
 from sldvexp.virtual_lab import camera
-from sldvexp.virtual_lab.ahead import ScannedLine, Stretch, drawn, stretches_of
+from sldvexp.virtual_lab.ahead import BLOCK, AnnouncedLines, Stretch, drawn
 from sldvexp.virtual_lab.beam import Beams, SceneObject, beams
 from sldvexp.virtual_lab.calibration_scene import CalibrationObject
 from sldvexp.virtual_lab.electronics import Electronics, PixelNoise
@@ -28,12 +28,6 @@ from sldvexp.virtual_lab.plate import VibratingPlate
 from sldvexp.virtual_lab.pointing import MirrorPath
 from sldvexp.virtual_lab.scene import Scene
 from sldvexp.virtual_lab.transients import DIFFERENT, Transients, long_period
-
-#: Pixels computed at once, filled up if they are fewer: arithmetic in arrays of one shape gives a
-#: pixel the same last bits wherever it stands in a list.
-BLOCK = 64
-#: Blocks that short scan lines fill together, if it is known that they come.
-AHEAD = 8
 
 
 class VirtualLab:
@@ -77,8 +71,7 @@ class VirtualLab:
         self.objects = scene.objects(target, rng)
         self._acquisition: Acquisition | None = None
         self._moved: tuple[object, Transients] | None = None
-        self._expected: Sequence[tuple[IntArray, int]] = ()
-        self._ahead: dict[int, ScannedLine] = {}
+        self._announced = AnnouncedLines(self._checked, self._way, self._block)
         self.start_stream(0)
         self.use_view(next(iter(scene.views)))
 
@@ -92,7 +85,7 @@ class VirtualLab:
         """Stand where a view says; UserError if the scene has no such view."""
         rotation, origin = self.true_pose(name)
         self.view = name
-        self._ahead = {}
+        self._announced.forget()
         self._rotation, self._origin = rotation, origin
         self._pictured: NDArray[np.uint8] | None = None
         self._noise = PixelNoise(self._seed, name)
@@ -114,7 +107,10 @@ class VirtualLab:
             From 0 to 2^64 - 1.
         """
         self._stream, self._pixel = stream, 0
-        self._path = MirrorPath(self._pointing, self.mirrors, stream)
+        self._path = self._way(stream)
+
+    def _way(self, stream: int) -> MirrorPath:
+        return MirrorPath(self._pointing, self.mirrors, stream)
 
     def configure(self, acquisition: Acquisition) -> None:
         """Set sampling and generator for all pixels that follow."""
@@ -126,7 +122,7 @@ class VirtualLab:
             raise InstrumentError(
                 f"configure: frequencies must be positive and the amplitude not negative, not {a}"
             )
-        self._ahead = {}
+        self._announced.forget()
         a = self._acquisition = replace(a, amplitude=a.amplitude * self.scene.generator_gain)
         self._frequency = np.array(a.excitation, float) * (1.0 + self.scene.generator_error)
         scene = self.scene
@@ -169,15 +165,17 @@ class VirtualLab:
         steps = self._checked(np.asarray(dac))
         if stream is not None:
             self.start_stream(stream)
-            if (known := self._known(steps, stream)) is not None:
-                return known
         records = self._acquisition.records
         counts = np.empty((len(steps) * records, 2, self._acquisition.samples), np.int16)
         status = np.empty(len(steps) * records, np.uint8)
         moving = self._acquisition.drive is not None
+        usual = self.shutter_open and records == 1 and not moving
+        known = self._announced.line(steps, stream) if usual and stream is not None else None
+        if known is not None:
+            counts, status, self._path, self._pixel = *known, len(steps)
         visits = steps if moving else np.repeat(steps, records, axis=0)
         block, each = (self._moving_block, records) if moving else (self._here, 1)
-        for begin in range(0, len(visits), BLOCK):
+        for begin in range(0, len(visits) if known is None else 0, BLOCK):
             end = min(begin + BLOCK, len(visits))
             counts[begin * each : end * each], status[begin * each : end * each] = block(
                 visits[begin:end]
@@ -188,55 +186,8 @@ class VirtualLab:
         return RawSamples(counts, scales, self._acquisition.rate, status, records)
 
     def expect(self, lines: Sequence[tuple[IntArray, int]]) -> None:
-        """Hear of lines that are going to be scanned; see `sldvexp.instrument.Foresees`.
-
-        They come out as they would unannounced, to the bit, but short ones share blocks.
-        """
-        if lines is not self._expected:
-            self._expected, self._ahead = lines, {}
-
-    def _known(self, steps: IntArray, stream: int) -> RawSamples | None:
-        """Scan a short line that was announced, together with those after it; None of others."""
-        a, shutter = self._acquisition, self.shutter_open
-        assert a is not None
-        if a.records != 1 or a.drive is not None or not 0 < len(steps) < BLOCK or not shutter:
-            return None
-        if stream not in self._ahead:
-            self._ahead = self._computed_ahead(stream)
-        line = self._ahead.pop(stream, None)
-        if line is None or not np.array_equal(line.dac, steps):
-            return None
-        self._path, self._pixel = line.path, len(steps)
-        self.position = (int(steps[-1, 0]), int(steps[-1, 1]))
-        scales = self._electronics.volts_per_count
-        return RawSamples(line.counts, scales, a.rate, line.status, a.records)
-
-    def _computed_ahead(self, stream: int) -> dict[int, ScannedLine]:
-        """Scan announced lines from one on, as long as they are short and fill blocks together."""
-        told = [number for _, number in self._expected]
-        taken: list[tuple[IntArray, int]] = []
-        for dac, number in self._expected[told.index(stream) :] if stream in told else ():
-            pixels = sum(len(d) for d, _ in taken) + len(dac)
-            if not len(dac) < BLOCK or pixels > AHEAD * BLOCK:
-                break
-            try:
-                taken.append((self._checked(np.asarray(dac)), number))
-            except InstrumentError:  # which is told when its turn has come
-                break
-        if len(taken) < 2:
-            return {}
-        steps = np.concatenate([dac for dac, _ in taken])
-        owner = np.repeat(np.arange(len(taken)), [len(dac) for dac, _ in taken])
-        paths = [MirrorPath(self._pointing, self.mirrors, number) for _, number in taken]
-        numbers = [number for _, number in taken]
-        blocks = []
-        for some, found, stretches in stretches_of(owner, numbers, BLOCK):
-            blocks.append(self._block(steps[some], stretches, [paths[k] for k in found]))
-        counts, status = (np.concatenate(each) for each in zip(*blocks, strict=True))
-        return {
-            number: ScannedLine(dac, counts[owner == k], status[owner == k], paths[k])
-            for k, (dac, number) in enumerate(taken)
-        }
+        """Hear of lines that are going to be scanned; they come out the same, to the bit."""
+        self._announced.expect(lines)
 
     def true_pose(self, view: str) -> tuple[Array, Array]:
         """Return rotation (3, 3), world to laser, and origin (3,), m, of a view."""

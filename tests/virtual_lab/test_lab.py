@@ -214,7 +214,7 @@ def counted(ours):
         blocks.append(what)
         return usual(*what)
 
-    ours._block = block
+    ours._block = ours._announced._block = block
     return blocks
 
 
