@@ -26,7 +26,7 @@ from sldvexp.lazy import xarray as xr
 from sldvexp.pipeline.step import Run, Step, check_contracts
 from sldvexp.reconstruction import Reconstruction
 from sldvexp.reconstruction.system import Robust
-from sldvexp.session.interruption import EndedScanError, UnfinishedError, has_lines
+from sldvexp.session.interruption import ended_scan
 from sldvexp.stopping import stopping_once
 
 #: Where the scans lie, in the dataset and in the journal, that pose methods are compared on.
@@ -76,13 +76,10 @@ def _scan(run: Run) -> None:
                 )
                 skipped += take_findings(found)
                 run.tree |= {f"{prefix}{name}": group for name, group in found.items()}
-    except (instrument.InstrumentError, session.NobodyThereError) as error:
-        why, not_home = str(error), ""
-        if isinstance(error, instrument.InstrumentError):
-            why, not_home = error.why, error.not_home
-        if has_lines(run.folder):
-            raise UnfinishedError(why, run.folder, not_home=not_home) from error
-        raise EndedScanError(why, not_home) from error
+    except session.NobodyThereError as error:
+        raise ended_scan(str(error), run.folder) from error
+    except instrument.InstrumentError as error:
+        raise ended_scan(error.why, run.folder, error.not_home) from error
     if skipped:
         run.tree[f"{VERDICT}/scan"] = findings_to_dataset(skipped)
 

@@ -83,6 +83,13 @@ def has_lines(folder: Path) -> bool:
     return any(path.name != CONFIGURATION for path in files)
 
 
+def ended_scan(why: str, folder: Path, not_home: str = "") -> EndedScanError:
+    """Give the error of a scan that failed, which can go on if a line of it is kept."""
+    if has_lines(folder):
+        return UnfinishedError(why, folder, not_home=not_home)
+    return EndedScanError(why, not_home)
+
+
 def how_to_use_the_scan(folder: Path) -> str:
     """Tell how to use the scan that is kept where a run fails behind it."""
     return str(kept_scan(folder))
