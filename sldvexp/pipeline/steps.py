@@ -335,9 +335,8 @@ def _streamed_fields(run: Run) -> None:
     tree = run.tree | images
     with e.stream.at_work() as work:
         small = velocity_field.streaming.compress(tree, work)
-        visibility = velocity_field.estimate.volume_visibility(
-            tree | small.images, e.laser, e.volume
-        )
+        seen = tree | small.images
+        visibility = velocity_field.estimate.volume_visibility(seen, e.laser, e.volume)
         folders = (run.blocks / f"field{k}" for k in count())
 
         def streamed(method: Reconstruction) -> xr.Dataset:
