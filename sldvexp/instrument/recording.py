@@ -34,7 +34,7 @@ from sldvexp.instrument.protocol import (
 from sldvexp.io.arrays import write_arrays
 from sldvexp.laser import TwoMirror
 from sldvexp.limits import too_much_claimed
-from sldvexp.signal import ResponseSums
+from sldvexp.signal import ExcitationKind, LineChoice, ResponseSums
 from sldvexp.targets import Target
 from sldvexp.typing import Array, IntArray
 from sldvexp.writing import make_folder, whole_or_nothing
@@ -167,6 +167,51 @@ def asked(acquisition: Acquisition) -> Array:
     return np.array([a.rate, a.samples, a.amplitude, *played, *how], float)
 
 
+def _settings(how: Array) -> dict[str, object]:
+    """Name what `asked` gave by the settings of a scan's sampling."""
+    numbers = how.tolist()
+    named = dict(zip(("rate", "samples", "amplitude"), numbers, strict=False))
+    played = numbers[len(named) :]
+    if played[:1] != [-1.0]:
+        return named | {"excitation": ExcitationKind.sine.name, "frequency": played}
+    kinds, lines = (dict(enumerate(e.name for e in of)) for of in (ExcitationKind, LineChoice))
+    keys = ("excitation", "lines", "low", "high", "seed", "burst", "decay", "records", "lead")
+    told = dict(zip((*keys, "trigger"), played[1:], strict=False))
+    told |= {"band": [told.pop(end, None) for end in ("low", "high")]}
+    for key, of in (("excitation", kinds), ("lines", lines)):
+        told[key] = of.get(told.get(key, -1), "unknown")
+    return named | told | {"trigger": "generator" if told.get("trigger") else "free"}
+
+
+def unlike(kept: Array, wanted: Array) -> tuple[str, str]:
+    """Write the settings in which two samplings differ, with the values of either.
+
+    Parameters
+    ----------
+    kept, wanted : ndarray
+        As `asked` gives them.
+
+    Examples
+    --------
+    >>> unlike(np.array([1000, 64, 1.0, 50]), np.array([1000, 64, 2.0, 50]))
+    ('sampling.amplitude=1', 'sampling.amplitude=2')
+    """
+    both = _settings(kept), _settings(wanted)
+    keys = [k for k in dict.fromkeys([*both[0], *both[1]]) if both[0].get(k) != both[1].get(k)]
+    if both[0].get("excitation") != both[1].get("excitation"):
+        keys = ["excitation"]
+    told = [[f"sampling.{k}={_short(of[k])}" for k in keys if k in of] for of in both]
+    first, second = (" and ".join(each) for each in told)
+    return first, second
+
+
+def _short(value: object) -> str:
+    """Write a setting's value as on a command line."""
+    if isinstance(value, list):
+        return f"[{','.join(map(_short, value))}]"
+    return f"{value:.10g}" if isinstance(value, float) else str(value)
+
+
 #: Name of what is kept of a view whose rest was left out.
 LEFT = "left"
 
@@ -192,7 +237,15 @@ def read_left(folder: Path) -> tuple[str, int] | None:
 
 @runtime_checkable
 class TellsSums(Protocol):
-    """An instrument that has the sums of records instead of the records themselves."""
+    """An instrument that has the sums of records instead of the records themselves.
+
+    Attributes
+    ----------
+    folder : Path
+        Where it has them.
+    """
+
+    folder: Path
 
     def sums(self, dac: IntArray) -> ResponseSums:
         """Give the sums of a line of these very pixels."""
@@ -276,14 +329,15 @@ class Recording:
         while found:
             fits = [i for i, (how, _) in enumerate(found) if np.array_equal(how, self._asked)]
             if not fits:
+                recorded, wanted = unlike(found[0][0], self._asked)
                 raise InstrumentError(
-                    f"{self.folder}: was sampled with rate, samples, amplitude and frequencies "
-                    f"{found[0][0].tolist()}; the scan's sampling must say the same"
+                    f"{self.folder}: was sampled with {recorded}, not with {wanted}; the scan's "
+                    "sampling must say the same, or scan anew"
                 )
             line = found.pop(fits[0])
-            if (kept := read_line(line[1])) is not None:
+            if (whole := read_line(line[1])) is not None:
                 found.append(line)
-                return kept[2]
+                return whole[2]
         raise InstrumentError(
             f"{self.folder}: the view {self.view} has no scan line of {len(dac)} pixels from "
             f"({dac[0, 0]}, {dac[0, 1]}) to ({dac[-1, 0]}, {dac[-1, 1]}); a recording can only "

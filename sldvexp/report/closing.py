@@ -142,23 +142,24 @@ def _poses(run: RunData) -> str:
 
 
 def _strain(run: RunData) -> str:
-    """Say the largest strain with its bound, at which frequency and of which thickness."""
-    name = next((n for n in ("strain", "modes/strain") if run.has(n, "strain")), "")
+    """Say the largest extension with its bound, at which frequency and of which thickness."""
+    name = next((n for n in ("strain", "modes/strain") if run.has(n, "principal_strain")), "")
     if not name:
         return ""
     strain = run.groups[name]
-    size = np.abs(strain["strain"].values)
+    first = strain["principal_strain"].isel(principal=0)
+    size = first.values
     if not np.isfinite(size).any():
         return "no strain is determined"
     at = np.unravel_index(int(np.nanargmax(size)), size.shape)
-    place = dict(zip(strain["strain"].dims, at, strict=True))
+    place = dict(zip(first.dims, at, strict=True))
     where = ""
     if "frequency" in place:
         hertz = float(strain["frequency"].values[place["frequency"]])
         mode = f"in mode {place['frequency'] + 1}, " if name != "strain" else ""
         where = f" {mode}at {hertz:.5g} {FREQUENCY.units}"
     taken = thickness_taken(strain)
-    bound = float(strain["confidence"].values[at]) if "confidence" in strain else np.nan
+    bound = float(strain["principal_confidence"].isel(principal=0).values[at])
     told = f"strain of the face up to {with_bound(MICRO * size[at], MICRO * bound)} microstrain"
     return f"{told}{where}" + (f", which rests on {taken}" if taken else "")
 

@@ -25,7 +25,7 @@ from sldvexp.session.journal import Journal, Measured
 from sldvexp.session.operator import Operator
 from sldvexp.session.records import Averaging, acquisition_of, require_records
 from sldvexp.session.watching import LineDone, Watcher, complex_pixels
-from sldvexp.signal import ComplexImage, Response, SignalEstimator
+from sldvexp.signal import ComplexImage, Response, ResponseSums, SignalEstimator
 from sldvexp.stopping import Stopped, undisturbed
 from sldvexp.targets import Target
 from sldvexp.typing import IntArray
@@ -207,12 +207,15 @@ class Camera:
 
     def once_more(self, name: str, place: int, dac: IntArray) -> Measured:
         """Measure a line of pixels that were measured already, of which no watcher is told."""
-        return self.journal.line(
-            line_name(name, place),
-            dac,
-            self.acquisition,
-            lambda: self._measure(dac, ONCE_MORE_FROM + place),
-        )
+        where = line_name(name, place)
+        return self._kept(where, dac, lambda: self._measure(dac, ONCE_MORE_FROM + place))
+
+    def _kept(self, where: str, dac: IntArray, measure: Callable[[], Measured]) -> Measured:
+        """Take a line from the journal, sums as they are asked for, or measure it."""
+        samples = self.journal.line(where, dac, self.acquisition, measure)
+        if self._averages is None or not isinstance(samples, ResponseSums):
+            return samples
+        return self._averages.as_asked(samples, self.journal.folder)
 
     def _measure(self, dac: IntArray, number: int) -> Measured:
         """Measure a line, of which nothing is in the journal."""
@@ -267,7 +270,7 @@ class Camera:
         if again:
             samples = self.journal.replaced(where, dac, self._wanted, measure)
         else:
-            samples = self.journal.line(where, dac, self._wanted, measure)
+            samples = self._kept(where, dac, measure)
         self.lines_done += not again
         told = (name, place + 1, len(lines), dac, samples, not scanned, again)
         self._watcher.line_done(LineDone(self._view, self.kind, *told, self._wanted, self.signal))

@@ -9,8 +9,10 @@ records of a pixel are alike, so that its error goes with one over the root of t
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,8 +22,11 @@ from sldvexp.instrument import Acquisition, Instrument, RawSamples, Status
 from sldvexp.instrument.protocol import CHANNELS
 from sldvexp.instrument.recording import TellsSums
 from sldvexp.scan import Sampling
-from sldvexp.signal import Response, ResponseSums
+from sldvexp.signal import Response, ResponseSums, SumsSettings
+from sldvexp.signal.response_sums import SUMS
 from sldvexp.typing import IntArray
+
+log = logging.getLogger(__name__)
 
 #: Samples of all channels that are held at once, so that memory does not grow with the line.
 HELD = 2**21
@@ -67,6 +72,7 @@ class Averaging:
     signal: Response
     acquisition: Acquisition
     again: int
+    _warned_of: set[Path] = field(default_factory=set, init=False, compare=False, repr=False)
 
     def measure(self, instrument: Instrument, dac: IntArray, stream: int) -> ResponseSums:
         """Measure a scan line on an instrument that is configured so.
@@ -83,7 +89,7 @@ class Averaging:
             If the instrument samples at another rate, or gives other records.
         """
         if isinstance(instrument, TellsSums):
-            return instrument.sums(dac)
+            return self.as_asked(instrument.sums(dac), instrument.folder)
         sums = self._taken(instrument, self.acquisition, dac, stream)
         wanted, left = self.acquisition.records, self.again
         for round_ in range(1, self.again + 1):
@@ -98,7 +104,47 @@ class Averaging:
             sums, left = added(sums, more, few), left - records
         if left < self.again:
             instrument.configure(self.acquisition)
-        return sums
+        return replace(sums, made=self._made)
+
+    @property
+    def _made(self) -> SumsSettings:
+        """What sums are made with."""
+        assert self.acquisition.drive is not None
+        return self.signal.made_with(self.acquisition.drive, self.again)
+
+    def as_asked(self, sums: ResponseSums, where: Path) -> ResponseSums:
+        """Make kept sums those that are asked for.
+
+        Parameters
+        ----------
+        sums : ResponseSums
+            Of a journal or a recording.
+        where : Path
+            Their file or folder, for the sentence.
+
+        Raises
+        ------
+        UserError
+            If they are made with settings that sums alone cannot be freed of.
+        """
+        if sums.made is None:
+            if where not in self._warned_of:
+                self._warned_of.add(where)
+                log.warning(
+                    "%s: does not say which velocity_per_volt, flags, force, overlap and again its "
+                    "sums of records were made with; those of this run are taken for them",
+                    where,
+                )
+            return replace(sums, made=self._made)
+        unlike = list(sums.made.unlike(self._made))
+        if unlike:
+            kept = " and ".join(f"{key}={value}" for key, value, _ in unlike)
+            wanted = " and ".join(f"{key}={value}" for key, _, value in unlike)
+            raise UserError(
+                f"{where}: its sums of records were made with {kept}, not with {wanted}, and the "
+                f"records themselves are not kept: set {kept} again, or scan anew"
+            )
+        return sums.in_velocity_per_volt(self.signal.velocity_per_volt)
 
     def _taken(
         self, instrument: Instrument, acquisition: Acquisition, dac: IntArray, stream: int
@@ -158,9 +204,8 @@ def _require_as_asked(samples: RawSamples, acquisition: Acquisition, pixels: int
 def added(sums: ResponseSums, more: ResponseSums, pixels: IntArray) -> ResponseSums:
     """Add further records of some of the pixels."""
     whole = ResponseSums.zeros(len(sums.count), sums.frequency)
-    for name, part in more.to_arrays().items():
-        if name != "frequency":
-            getattr(whole, name)[pixels] = part
+    for name in SUMS:
+        getattr(whole, name)[pixels] = getattr(more, name)
     return sums.merged(whole)
 
 

@@ -19,7 +19,15 @@ the second principal strain.
 
 Standard errors are those of the linearised extremes: with z = exp(i phi), F = Re(z n' e n) and the
 Hessian H of F by (phi, psi), errors de change the first principal strain by Re(z n' de n) and the
-place of the extreme by ``-H^-1 d(grad F)``. How errors of the real and of the imaginary part go
+place of the extreme by ``-H^-1 d(grad F)``. An extreme moves towards whatever errors make larger,
+and gains by it what the linear part leaves out: ``-g' H^-1 g / 2`` of the gradient's error g where
+H is large, and no more than |g| where it is not, as where all directions extend alike. With the
+curvature k of either coordinate, the other one following, F is about ``k cos`` of it, so that an
+error of `CLEARLY` standard errors s gains
+
+    sqrt(k^2 + (CLEARLY s)^2) - k,
+
+which is added to the standard error by its square. How errors of the real and of the imaginary part go
 together is not known here, so that they are added as if they did in the least favourable way.
 """
 
@@ -108,7 +116,7 @@ def principal_std(strain: ComplexArray, covariance: Array) -> tuple[Array, Array
     >>> covariance[0, 0, range(3), range(3)] = 1e-16  # 0.01 microstrain, of the real part
     >>> strain = np.array([[[2e-6], [1e-6], [0]]], complex)
     >>> size, direction = principal_std(strain, covariance)
-    >>> (1e6 * size[0, :, 0]).round(6).tolist(), direction[0, 0].round(4).item()
+    >>> (1e6 * size[0, :, 0]).round(4).tolist(), direction[0, 0].round(4).item()
     ([0.01, 0.01], 0.573)
     """
     psi = _best_direction(strain)
@@ -125,10 +133,21 @@ def principal_std(strain: ComplexArray, covariance: Array) -> tuple[Array, Array
     whole = np.array([1.0, 1.0, 0.0])[:, None, None]
     across = z * (whole - v) - 2 * np.imag(z * middle) * np.nan_to_num(moment)
     own, direction = _std(z * v, covariance), np.degrees(_std(turned, covariance)) / 2
+    # F,psi and its curvature while the moment follows; without any strain there is none to follow.
+    follows = np.divide(mixed, phi_phi, out=np.zeros_like(mixed), where=phi_phi < 0)
+    by_moment = _gain(-phi_phi, _std(of_phi, covariance))
+    by_turning = _gain(follows * mixed - psi_psi, _std(of_psi - follows * of_phi, covariance))
     unsure = np.abs(along) - _elsewhere(strain, psi) < CLEARLY * 2 * own
     known = (direction < ANY_DIRECTION) & ~unsure  # a NaN is not below anything
-    std = np.stack([own, _std(across, covariance)], axis=1)
+    linear = np.stack([own, _std(across, covariance)], axis=1)
+    std = np.sqrt(linear**2 + (by_moment**2 + by_turning**2)[:, None])
     return std, np.where(known, direction, ANY_DIRECTION)
+
+
+def _gain(curvature: Array, std: Array) -> Array:
+    """Bound what an extreme gains by moving towards an error of its gradient."""
+    curvature = np.maximum(curvature, 0.0)  # at a maximum, but for rounding
+    return np.asarray(np.hypot(curvature, CLEARLY * std) - curvature)
 
 
 def _along(strain: ComplexArray, psi: Array, slope: bool = False) -> ComplexArray:

@@ -22,3 +22,4 @@ from .response_sums import ResponseSums as ResponseSums
 from .sine_fit import SineFit as SineFit
 from .sine_model import SineModel as SineModel
 from .sine_model import sine_model as sine_model
+from .sums_settings import SumsSettings as SumsSettings

@@ -36,6 +36,7 @@ from sldvexp.signal.response_function import (
 )
 from sldvexp.signal.response_sums import ResponseSums
 from sldvexp.signal.sine_fit import SineFit
+from sldvexp.signal.sums_settings import SumsSettings
 from sldvexp.typing import Array, ComplexArray, IntArray
 
 #: Samples that are transformed at once, for memory's sake.
@@ -149,7 +150,9 @@ class Response(SineFit):
             )
         volts = np.broadcast_to(np.asarray(volts_per_count, float), (2,))
         scale, bounds = volts * [self.velocity_per_volt, 1.0], limits_of(counts, limits)
-        sums = ResponseSums.zeros(len(counts), design.hertz(design.read_lines))
+        sums = ResponseSums.zeros(
+            len(counts), design.hertz(design.read_lines), self.made_with(design)
+        )
         chunk = max(1, CHUNK_SAMPLES // max(1, counts[:1].size))
         parts = [
             _transform(counts[first : first + chunk], design, scale, bounds)
@@ -165,6 +168,19 @@ class Response(SineFit):
                 either = faults[:, :-1] | faults[:, 1:]
                 sums.add(phasors[:, :, 1], phasors[:, :, 0], either, between=True)
         return sums
+
+    def made_with(self, design: RecordDesign, again: int = 0) -> SumsSettings:
+        """Say what sums of records are made with.
+
+        Parameters
+        ----------
+        design : RecordDesign
+        again : int
+            Records of each pixel at most that are taken in the place of spoilt ones.
+        """
+        flags, played = self.flags, design.excitation
+        of_signal = (self.velocity_per_volt, flags.dropout_factor, flags.reference_minimum)
+        return SumsSettings(*of_signal, played.force, played.overlap, again)
 
     def response(self, sums: ResponseSums, design: RecordDesign) -> ResponseFunction:
         """Make response functions at the excited lines."""

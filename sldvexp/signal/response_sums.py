@@ -24,6 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from sldvexp.errors import UserError
 from sldvexp.signal.record_faults import RecordFault
+from sldvexp.signal.sums_settings import SumsSettings
 from sldvexp.typing import Array, BoolArray, ComplexArray, IntArray
 
 #: Sums over records, of each pixel.
@@ -53,6 +54,8 @@ class ResponseSums:
         Records with each `RecordFault`, by the first of those that a record has.
     noise : ndarray, shape (pixel,), (m/s)2
         Sum of the mean squares of the records' noise, as it is beyond the band.
+    made : SumsSettings, optional
+        What they are made with, if that is known.
 
     Examples
     --------
@@ -72,6 +75,7 @@ class ResponseSums:
     between: IntArray
     left_out: IntArray
     noise: Array
+    made: SumsSettings | None = None
 
     def __repr__(self) -> str:
         pixels, lines = self.sxx.shape
@@ -91,7 +95,9 @@ class ResponseSums:
         return np.asarray(np.where(self.count > 0, worth, 0.0))
 
     @classmethod
-    def zeros(cls, pixels: int, frequency: ArrayLike) -> ResponseSums:
+    def zeros(
+        cls, pixels: int, frequency: ArrayLike, made: SumsSettings | None = None
+    ) -> ResponseSums:
         """Begin with no records of some pixels."""
         hertz = np.atleast_1d(np.asarray(frequency, float))
         shape = (pixels, len(hertz))
@@ -104,6 +110,7 @@ class ResponseSums:
             np.zeros(pixels, np.int64),
             np.zeros((pixels, len(RecordFault)), np.int64),
             np.zeros(pixels),
+            made,
         )
 
     def add(
@@ -160,7 +167,7 @@ class ResponseSums:
         if len(self.count) != len(other.count):
             raise UserError("signal: sums of different pixels cannot be added up")
         both = {name: getattr(self, name) + getattr(other, name) for name in SUMS}
-        return ResponseSums(self.frequency, **both)
+        return ResponseSums(self.frequency, **both, made=self.made)
 
     @staticmethod
     def concatenated(parts: Sequence[ResponseSums]) -> ResponseSums:
@@ -168,7 +175,7 @@ class ResponseSums:
         for part in parts[1:]:
             parts[0]._require_lines(part)
         joined = {name: np.concatenate([getattr(p, name) for p in parts]) for name in SUMS}
-        return ResponseSums(parts[0].frequency, **joined)
+        return ResponseSums(parts[0].frequency, **joined, made=parts[0].made)
 
     def at(self, lines: BoolArray) -> ResponseSums:
         """Keep some lines only; `lines` is True where one stays."""
@@ -183,15 +190,42 @@ class ResponseSums:
 
     def to_arrays(self) -> dict[str, NDArray]:
         """Give the arrays that a journal keeps; `from_arrays` makes the same sums of them."""
-        return {name: getattr(self, name) for name in ("frequency", *SUMS)}
+        made = {} if self.made is None else {"made": self.made.to_array()}
+        return {name: getattr(self, name) for name in ("frequency", *SUMS)} | made
+
+    def in_velocity_per_volt(self, factor: float) -> ResponseSums:
+        """Make the sums that records would have with another factor of the velocity's volts.
+
+        Which records are left out does not depend on it.
+
+        Examples
+        --------
+        >>> sums = ResponseSums.zeros(1, [50.0], SumsSettings(0.01, 5.0, 0.1))
+        >>> sums.add(reference=[[[1.0]]], response=[[[1j]]])
+        >>> sums.in_velocity_per_volt(-0.02).sxy.tolist()
+        [[(-0-2j)]]
+        """
+        if self.made is None or self.made.velocity_per_volt == factor:
+            return self
+        ratio = factor / self.made.velocity_per_volt
+        return replace(
+            self,
+            syy=ratio**2 * self.syy,
+            sxy=ratio * self.sxy,
+            noise=ratio**2 * self.noise,
+            made=replace(self.made, velocity_per_volt=factor),
+        )
 
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, NDArray]) -> ResponseSums:
         """Make sums of what `to_arrays` gave; further arrays are not looked at."""
         none = {"between": np.zeros_like(arrays["count"])}  # of a journal that knows of none
         known = none | dict(arrays)
-        return cls(**{name: np.array(known[name]) for name in ("frequency", *SUMS)})
+        made = SumsSettings.from_array(known["made"]) if "made" in known else None
+        return cls(**{name: np.array(known[name]) for name in ("frequency", *SUMS)}, made=made)
 
     def _require_lines(self, other: ResponseSums) -> None:
         if not np.array_equal(self.frequency, other.frequency):
             raise UserError("signal: sums of different lines cannot be joined")
+        if None not in (self.made, other.made) and self.made != other.made:
+            raise UserError("signal: sums that are made with other settings cannot be joined")

@@ -10,7 +10,7 @@ from rich.console import Console
 
 from sldvexp.dataset import Finding, RunData, Severity, findings_to_dataset, group
 from sldvexp.report import closing_lines, closing_table, image_text, print_closing
-from sldvexp.report.tables import strain_table
+from sldvexp.report.tables import hot_spot_table, strain_table
 
 FILES = [Path("there/run.nc"), Path("there/pose.txt"), Path("there/report.html")]
 LABELS = ["found", "bounds", "verdict", "files", "next"]
@@ -60,14 +60,22 @@ def test_the_worst_finding_stands_beside_the_verdict_and_its_remedy_comes_next()
 
 
 def strain_of(hertz, **attrs):
+    """The components' bounds, of the larger part, are another quantity than the extension's."""
     known = {} if hertz is None else {"frequency": hertz}
     values = np.array([[1e-6, 2e-6], [0.5e-6, 4.276e-6]])[:, None] * np.ones((1, 3, 1))
     values = values if known else values[..., 1]
     made = group(
         "strain",
-        {"strain_component": ["ss", "tt", "st"], **known},
-        strain=values,
-        confidence=np.full(values.shape, 9e-8),
+        {"strain_component": ["ss", "tt", "st"], "principal": ["first", "second"], **known},
+        strain=0.98 * values,
+        confidence=np.full(values.shape, 14e-8),
+        principal_strain=values[:, :2],
+        principal_confidence=np.full(values[:, :2].shape, 9e-8),
+        principal_direction=30.0 * np.ones_like(values[:, 0]),
+        principal_direction_std=np.ones_like(values[:, 0]),
+        position=[[0, 0, 0], [0.1, 0, 0]],
+        coordinate=[[0, 0], [0.1, 0]],
+        triangle=[[0, 1, 1]],
     )
     return made.assign_attrs(attrs)
 
@@ -79,6 +87,14 @@ def test_the_largest_strain_is_told_with_its_frequency():
     assert told == "strain of the face up to 4.276 ± 0.090 microstrain in mode 2, at 438.5 Hz"
     told = lines({"strain": strain_of(None)})["found"]
     assert told == "strain of the face up to 4.276 ± 0.090 microstrain"
+
+
+def test_the_largest_strain_and_the_first_hot_spot_are_told_with_the_same_bound():
+    strain = strain_of([197.0, 438.5])
+    table = hot_spot_table(strain, [438.5])
+    column = next(c for c in table.columns if "largest extension" in str(c.header))
+    first = next(iter(column.cells))
+    assert f"up to {first} microstrain" in lines({"strain": strain})["found"]
 
 
 @pytest.mark.parametrize(("std", "taken"), [(0.0, True), (1e-5, False)])

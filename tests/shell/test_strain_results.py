@@ -121,6 +121,44 @@ def test_bounds_of_principal_strains_and_stresses_hold_with_errors_of_a_tenth():
     assert np.mean(error <= 1.96 * stress_std(strain, covariance, SHEET)) >= 0.95
 
 
+ALIKE, IN_PHASE, BETWEEN = np.eye(3), 1.0, np.exp(0.25j * np.pi)
+ALL_DIRECTIONS = np.diag([1.0, 1.0, 0.5])  # of errors that turn into themselves
+#: Strains and errors (in 0.1 microstrain, of both parts) where the largest extension is hard.
+HARD = {
+    "one component at a phase between both parts": ([4, 1, 0.2], BETWEEN, ALIKE, ALIKE),
+    "the worse part is not in phase": ([0.8, 4, 0.1], 1j, 1.4 * ALIKE, 0.6 * ALIKE),
+    "all directions alike": ([4, 4, 0], IN_PHASE, ALL_DIRECTIONS, ALIKE),
+    "all directions alike, of one part alone": ([4, 4, 0], IN_PHASE, ALIKE, 0 * ALIKE),
+    "all directions alike, of both parts": ([4, 4, 0], BETWEEN, ALL_DIRECTIONS, ALL_DIRECTIONS),
+    "all directions alike, by turns": ([4, -4, 4j], IN_PHASE, ALL_DIRECTIONS, ALL_DIRECTIONS),
+    "nearly alike": ([4, 3.9, 0], IN_PHASE, ALL_DIRECTIONS, ALIKE),
+    "shear": ([0, 0, 4], IN_PHASE, ALL_DIRECTIONS, ALIKE),
+    "none": ([0, 0, 0], IN_PHASE, ALL_DIRECTIONS, ALL_DIRECTIONS),
+}
+
+
+@pytest.mark.parametrize("together", [0.0, 1.0])
+@pytest.mark.parametrize("name", HARD)
+def test_bounds_of_the_largest_extension_hold_where_it_is_hard(name, together):
+    """At least 95 % of 20,000 trials hold, down to four standard errors of that count."""
+    size, turn, *spread = HARD[name]
+    rng, trials = np.random.default_rng(11), 20000
+    true = 1e-6 * np.array(size) * turn
+    own = rng.normal(size=(2, trials, 3))
+    own[1] = together * own[0] + np.sqrt(1 - together**2) * own[1]
+    factor = 1e-7 * np.sqrt(np.array(spread))
+    real, imaginary = np.einsum("pab,pnb->pna", factor, own)
+    strain = (true + real + 1j * imaginary)[..., None]
+    covariance = np.broadcast_to((factor**2)[:, None, :, :, None], (2, trials, 3, 3, 1))
+    std, _ = principal_std(strain, covariance)
+    found = principal(strain).strain
+    error = np.abs(found - principal(true[None, :, None]).strain)
+    held = (error <= 1.959964 * std).mean(axis=0)[:, 0]
+    assert np.all(held >= 0.95 - 4 * np.sqrt(0.95 * 0.05 / trials)), held
+    if name.startswith("one component") and together:  # what is added up is then all there is
+        assert np.median(std[:, 0]) == pytest.approx(np.std(found[:, 0]), rel=0.04)
+
+
 def test_pure_shear_has_two_directions():
     """Extension along 45 degrees and, half a cycle later, along 135: neither is the one."""
     strain = np.array([[[0], [0], [1e-6]]], complex)
