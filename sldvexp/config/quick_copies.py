@@ -1,4 +1,4 @@
-"""Copies of configurations, equal to those of OmegaConf, in a tenth of the time.
+"""Copies of configurations, equal to those of OmegaConf, in a tenth to a fifth of the time.
 
 OmegaConf copies every node by `copy.deepcopy`, metadata included, of which a composition with its
 run makes tens of thousands. What a node is made of is known: its values cannot be changed, and its
@@ -53,7 +53,7 @@ def _copy(node: Any, parent: Any, memo: dict[int, Any]) -> Any:
     if kind in _USUAL:
         made = _like(node, parent)
         state = made.__dict__
-        state["_flags_cache"] = copy.copy(state["_flags_cache"])
+        state["_flags_cache"] = _copied(state["_flags_cache"])
         content = state["_content"]
         if isinstance(content, dict):
             state["_content"] = {key: _copy(child, made, memo) for key, child in content.items()}
@@ -79,8 +79,13 @@ def _like(node: Any, parent: Any) -> Any:
     made, about = object.__new__(type(node)), object.__new__(type(node._metadata))
     made.__dict__.update(node.__dict__)
     about.__dict__.update(node._metadata.__dict__)
-    about.flags = copy.copy(about.flags)
+    about.flags = _copied(about.flags)
     found = about.resolver_cache
     about.resolver_cache = copy.deepcopy(found) if found else defaultdict(dict)
     made.__dict__.update(_metadata=about, _parent=parent)
     return made
+
+
+def _copied(flags: dict[str, Any] | None) -> dict[str, Any] | None:
+    """Copy flags; `copy.copy` takes several times as long to find out how."""
+    return None if flags is None else dict(flags)

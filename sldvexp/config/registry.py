@@ -148,6 +148,11 @@ def schema_of(cls: type) -> DictConfig:
     return copy.deepcopy(_schema(cls))
 
 
+def onto_schema(cls: type, settings: DictConfig) -> Any:
+    """Merge settings onto the schema of a dataclass, which OmegaConf copies for that."""
+    return OmegaConf.merge(_schema(cls), settings)
+
+
 @functools.cache
 def _schema(cls: type) -> DictConfig:
     """Make a schema once, since making one takes several times as long as copying it."""

@@ -137,16 +137,17 @@ def _onto_schema(node: Any, group: str | None) -> Any:
     if group is None:
         if not isinstance(node, DictConfig):
             raise ConfigError([Problem("", "must be a table, as in {at_most: {group/name: 1.0}}")])
-        return OmegaConf.merge(OmegaConf.structured(Expectation), node)
+        return registry.onto_schema(Expectation, node)
     settings = dict(node.items_ex(resolve=False)) if isinstance(node, DictConfig) else {}
     if not isinstance(name := settings.pop("plugin", None), str):
         message = f"must say which plugin it is, as in {{plugin: {registry.names(group)[0]}}}"
         raise ConfigError([Problem("", f"{message}; {nearest('', registry.names(group))}")])
     try:
-        schema = OmegaConf.structured(registry.get(group, name))
+        plugin = registry.get(group, name)
     except UserError as error:
         raise ConfigError([Problem("plugin", str(error))]) from None
-    return OmegaConf.merge(schema, OmegaConf.masked_copy(node, [str(key) for key in settings]))
+    own = OmegaConf.masked_copy(node, [str(key) for key in settings])
+    return registry.onto_schema(plugin, own)
 
 
 def _from_omegaconf(error: OmegaConfBaseException, key: str) -> Problem:

@@ -114,7 +114,8 @@ class Mirror:
         if len(checks.problems) > known:
             return
         lowest = board.value[0] / board.value[1]
-        grid = [lowest + (1.0 - lowest) * i / MONOTONIC_GRID for i in range(MONOTONIC_GRID + 1)]
+        last = MONOTONIC_GRID if self.polynomial else 0  # a straight line has one slope
+        grid = [lowest + (1.0 - lowest) * i / MONOTONIC_GRID for i in range(last + 1)]
         turns = next((u for u in grid if self._slope(u) * self.gain <= 0), None)
         checks.require(
             turns is None,

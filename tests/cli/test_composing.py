@@ -10,9 +10,9 @@ import pytest
 from hydra._internal.config_loader_impl import ConfigLoaderImpl
 from hydra._internal.utils import create_config_search_path
 from hydra.types import RunMode
-from omegaconf import Container, DictConfig, OmegaConf
+from omegaconf import Container, DictConfig, OmegaConf, open_dict
 
-from sldvexp.config import hydra_plugin
+from sldvexp.config import hydra_plugin, schema
 from sldvexp.config.cached_loader import RememberingLoader
 from sldvexp.config.paths import conf_dir
 from sldvexp.config.quick_copies import quick_copies
@@ -153,6 +153,31 @@ def test_quick_copies_are_copies(loaders):
     OmegaConf.set_readonly(quick.scan, True)
     assert (whole.hydra.job.name, whole.scan.structure.pixels[0]) != ("other", 99)
     assert not OmegaConf.is_readonly(whole.scan)
+
+
+def test_schemas_of_entries_are_made_once_and_are_nobody_elses(loaders, monkeypatch):
+    def built():
+        config = loaders[0].load_configuration("config", ["experiment=plate"], RunMode.RUN)
+        with open_dict(config):
+            del config["hydra"]
+        return schema.build(config)
+
+    first, made, usual = built(), [], OmegaConf.structured
+    said = repr(first)
+    assert first.expect
+    assert first.check
+
+    def structured(cls, **more):
+        made.append(cls)
+        return usual(cls, **more)
+
+    monkeypatch.setattr(OmegaConf, "structured", structured)
+    for entry in first.expect.values():
+        entry.at_most["mine"] = 1.0
+        entry.finds.append("sign of view 4")
+    assert repr(first) != said
+    assert repr(built()) == said
+    assert made == []
 
 
 def test_copies_are_quick_only_for_who_asks():
