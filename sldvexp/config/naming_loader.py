@@ -96,9 +96,13 @@ class NamingLoader(ConfigLoaderImpl):
 def _choices_where_referred_to() -> Iterator[None]:
     """Let Hydra make a table of all choices only for a list of defaults that refers to them.
 
-    It makes one for every file, which takes a third of a composition.
+    It makes one for every file, which takes a third of a composition. Where a version of Hydra
+    makes it by another function, it does so for every file.
     """
-    usual = defaults_list._create_interpolation_map
+    usual = getattr(defaults_list, "_create_interpolation_map", None)
+    if usual is None:
+        yield
+        return
 
     def made(
         overrides: Overrides, defaults_list: list[InputDefault], self_added: bool

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import inspect
 import pickle
 from copy import deepcopy
 from dataclasses import dataclass, field
+from types import ModuleType
 
 import pytest
+from hydra._internal import config_loader_impl, defaults_list
 from hydra._internal.config_loader_impl import ConfigLoaderImpl
 from hydra._internal.utils import create_config_search_path
 from hydra.types import RunMode
 from omegaconf import Container, DictConfig, OmegaConf, open_dict
 
-from sldvexp.config import hydra_plugin, schema
+from sldvexp.config import hydra_plugin, naming_loader, schema
 from sldvexp.config.cached_loader import RememberingLoader
+from sldvexp.config.naming_loader import NamingLoader
 from sldvexp.config.paths import conf_dir
 from sldvexp.config.quick_copies import quick_copies
 from sldvexp.config.repository import RememberingRepository, copies_of
@@ -197,6 +201,22 @@ def test_choices_are_known_to_defaults_that_refer_to_them(tmp_path):
     path = create_config_search_path(str(conf_dir()))
     path.prepend("command-line", f"file://{tmp_path}")
     assert RememberingLoader(path).load_configuration("mine", [], RunMode.RUN).seed == 77
+
+
+def test_a_hydra_that_makes_choices_known_by_another_function(loaders, monkeypatch):
+    usual = defaults_list._create_interpolation_map
+    # As if that function had another name, by which Hydra itself calls it.
+    code = inspect.getsource(defaults_list).replace("_create_interpolation_map", "_other_name")
+    other = ModuleType(defaults_list.__name__)
+    exec(compile(code, defaults_list.__file__, "exec"), vars(other))
+    assert not hasattr(other, usual.__name__)
+    monkeypatch.setattr(naming_loader, "defaults_list", other)
+    monkeypatch.setattr(config_loader_impl, "create_defaults_list", other.create_defaults_list)
+    path = create_config_search_path(str(conf_dir()))
+    overrides = ["solver=direct", "seed=5"]
+    composed = NamingLoader(path).load_configuration("config", overrides, RunMode.RUN)
+    expected = loaders[0].load_configuration("config", overrides, RunMode.RUN)
+    assert described(composed) == described(expected)
 
 
 def test_a_file_that_changes_is_read_anew(tmp_path):
