@@ -59,7 +59,7 @@ ALIKE = 2
 #: Probability below which pixels beyond `FAR` standard errors are more than chance gives.
 CHANCE = 1e-4
 FAR = 5.0
-#: Pixels whose median misfit is the scale of the one in their middle.
+#: Pixels of all views whose median misfit is the scale of the one in their middle.
 AROUND_ONE = 49
 #: Reweightings of the robust fit by Huber's and by Tukey's function.
 HUBER, TUKEY = 3, 4
@@ -332,8 +332,8 @@ def _misfits(weighted: JointFit, fit: JointFit, pointing: Sequence[float]) -> li
 
     Where the mirrors point beside a pixel its velocity is off by as much as the image is steep,
     ``1 + s^2 (g_1 g_1' + g_2 g_2')`` in whitened numbers. What the smooth field does not follow
-    pixels around have as well: the scale is the noise, or the median of all, or that of those
-    around, whichever is largest.
+    pixels of all views around have as well: the scale is the noise, or the median of all, or that
+    of those around on the surface, whichever is largest. A group of spoiled pixels is one view's.
     """
     found, median = [], np.sqrt(scipy.special.chdtri(fit.channels, 0.5))
     for k, design in enumerate(fit.designs):
@@ -342,13 +342,12 @@ def _misfits(weighted: JointFit, fit: JointFit, pointing: Sequence[float]) -> li
         left = fit.velocity(k) - design.field @ weighted.m
         left -= np.einsum("nqc,q->nc", columns, shift)
         found.append(np.sqrt(_beside_pointing(left, pointing[k] * columns[:, :2])))
-    scale = max(1.0, float(np.median(np.concatenate(found)) / median))
-    for k, (of, design) in enumerate(zip(fit.data, fit.designs, strict=True)):
-        dac = of.view.dac[of.pixel][design.present]
-        _, near = scipy.spatial.cKDTree(dac).query(dac, min(AROUND_ONE, len(dac)))
-        around = np.median(found[k][near], axis=1) / median
-        found[k] = found[k] / np.maximum(scale, around)
-    return found
+    away = np.concatenate(found)
+    point = np.concatenate([design.beams.point for design in fit.designs])
+    _, near = scipy.spatial.cKDTree(point).query(point, min(AROUND_ONE, len(point)))
+    around = np.maximum(np.median(away[near], axis=1), np.median(away)) / median
+    ends = np.cumsum([len(of) for of in found])[:-1]
+    return np.split(away / np.maximum(1.0, around), ends)
 
 
 def _beside_pointing(left: Array, turns: Array) -> Array:

@@ -97,6 +97,19 @@ def test_a_single_line_of_pixels_around_the_plate_is_left_out():
     assert not found[moving].any()
 
 
+@pytest.mark.parametrize("line", [0, 1])
+def test_nodal_line_along_the_border_is_no_background_next_to_lost_pixels(line):
+    """A pixel without a velocity does not break the image off."""
+    (view,) = views(stands=[[0.0, 0.0, 1.0]], beyond=0.01, goes_on=True)
+    prisms = SURFACE.prisms()
+    assert not beside(view, LASER, prisms).any()
+    lost = np.zeros(view.shape, int)
+    some = slice(5, -4, 6)  # not beside a corner, where two nodal lines meet
+    lost[line, some] = lost[-1 - line, some] = lost[some, line] = lost[some, -1 - line] = 1
+    flags = lost.ravel() * int(Flag.dropped_out)
+    assert not beside(replace(view, flags=flags), LASER, prisms).any()
+
+
 def test_structure_that_goes_on_is_not_taken_for_background():
     """Neither is the nodal line that leaves the surface."""
     seen = views(goes_on=True, waves=2)

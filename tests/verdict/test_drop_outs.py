@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +12,15 @@ from sldvexp.field import View
 from sldvexp.field.bounds.pose_uncertainty import pose_covariance
 from sldvexp.verdict.beams import PixelBeams
 from sldvexp.verdict.comparison import bench_of
-from sldvexp.verdict.drop_outs import disagreeing, drop_outs, outliers, resting, used_pixels
+from sldvexp.verdict.drop_outs import (
+    disagree,
+    disagreeing,
+    drop_outs,
+    outliers,
+    resting,
+    used_pixels,
+)
+from sldvexp.verdict.joint_fit import JointFit
 
 from .simulated_views import session
 
@@ -134,3 +143,43 @@ def test_field_of_all_views_finds_them_too_but_at_the_rim():
     ]
     assert len(set(bad.tolist()) & marked[1]) >= 10
     assert sum(map(len, marked)) - len(bad) <= 5e-3 * sum(len(d.pixel) for d in bench.data)
+
+
+def with_velocities(fit: JointFit, added: Sequence[np.ndarray]) -> JointFit:
+    """Fit anew with velocities added to those of every view, at the pixels that are present."""
+    data = []
+    for of, design, more in zip(fit.data, fit.designs, added, strict=True):
+        velocity = of.velocity.copy()
+        velocity[design.present] += more
+        data.append(replace(of, velocity=velocity))
+    return JointFit(data, fit.designs, fit.prior, fit.standard)
+
+
+def test_group_of_pixels_that_one_view_has_spoiled_does_not_hide_itself():
+    """More than half of the pixels around in its image are spoiled as well."""
+    rng = np.random.default_rng(1)
+    made = session(rng)
+    fit = bench_of(made.views, made.surface, pose_covariance(made.views, None)).fit()
+    added = [np.zeros((len(d.weight), fit.channels // 2), complex) for d in fit.designs]
+    point = fit.designs[1].beams.point
+    bad = np.argsort(np.linalg.norm(point - np.median(point, axis=0), axis=1))[:40]
+    added[1][bad] = 20 * rng.normal(size=(*added[1][bad].shape, 2)) @ [1, 1j]
+    marked = disagreeing(with_velocities(fit, added), [0.0] * 5)
+    assert marked[1][bad].mean() > 0.9
+    assert sum(m.sum() for m in marked) - marked[1][bad].sum() <= 2
+
+
+def test_motion_that_the_smooth_field_does_not_follow_spoils_no_pixels():
+    """All views see it: ripples around one place, twenty times the noise."""
+    made = session(np.random.default_rng(1))
+    fit = bench_of(made.views, made.surface, pose_covariance(made.views, None)).fit()
+    added, middle = [], np.median(fit.designs[0].beams.point, axis=0)
+    extent = np.ptp(fit.designs[0].beams.point[:, 0])
+    for design in fit.designs:
+        away = np.linalg.norm(design.beams.point - middle, axis=1) / (0.1 * extent)
+        ripples = 20 * np.exp(-(away**2) / 2) * np.cos(6 * away)
+        added.append((ripples * design.beams.direction[:, 2])[:, None])
+    rippled = with_velocities(fit, added)
+    assert rippled.squares > 2 * rippled.dof
+    assert not disagree(rippled, [0.0] * 5)
+    assert np.concatenate(disagreeing(rippled, [0.0] * 5)).mean() < 2e-3

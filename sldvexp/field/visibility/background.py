@@ -125,16 +125,19 @@ def _breaks_off(view: View) -> BoolArray:
 
     The four pixels before go on as ``4 v_1 - 6 v_2 + 4 v_3 - v_4``, at a nodal line along the
     border to rest. That misses the fourth power of the pixels' distance, as it does one pixel
-    further inside.
+    further inside. Where one of these pixels has no velocity nothing is told.
     """
     assert view.shape is not None
     image = np.where(view.usable[:, None], view.velocity, 0.0).reshape(*view.shape, -1)
+    usable = view.usable.reshape(view.shape)
     square = np.square(view.std).reshape(len(view.std), -1)
     square = np.broadcast_to(square, view.velocity.shape).reshape(image.shape)
     found = np.zeros(view.shape, bool)
     limit = scipy.special.chdtri(2 * image.shape[2], AT_REST)
     for turn in range(4):
-        v, s2, border = (np.rot90(of, turn) for of in (image, square, found))  # the last a view
+        v, s2, known, border = (  # the last a view
+            np.rot90(of, turn) for of in (image, square, usable, found)
+        )
         if len(v) < CONTINUED:
             continue
         off = v[0] - (4 * v[1] - 6 * v[2] + 4 * v[3] - v[4])
@@ -142,7 +145,7 @@ def _breaks_off(view: View) -> BoolArray:
         noise = s2[0] + 16 * s2[1] + 36 * s2[2] + 16 * s2[3] + s2[4]
         white = np.sum(np.abs(off) ** 2 / np.where(noise > 0, noise, np.inf), axis=1)
         far = np.sum(np.abs(off) ** 2, axis=1) > BREAK**2 * np.sum(np.abs(missed) ** 2, axis=1)
-        border[0] |= (white > limit) & far
+        border[0] |= (white > limit) & far & known[:CONTINUED].all(axis=0)
     return found
 
 
