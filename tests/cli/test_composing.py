@@ -12,7 +12,6 @@ from hydra._internal.utils import create_config_search_path
 from hydra.types import RunMode
 from omegaconf import Container, DictConfig, OmegaConf
 
-from sldvexp.config import hydra_plugin
 from sldvexp.config.cached_loader import RememberingLoader
 from sldvexp.config.paths import conf_dir
 from sldvexp.config.quick_copies import quick_copies
@@ -49,7 +48,6 @@ class Unions:
 
 @pytest.fixture(scope="module")
 def loaders():
-    hydra_plugin.install()
     path = create_config_search_path(str(conf_dir()))
     return RememberingLoader(path), ConfigLoaderImpl(path)
 
@@ -163,7 +161,6 @@ def test_copies_are_quick_only_for_who_asks():
 
 
 def test_choices_are_known_to_defaults_that_refer_to_them(tmp_path):
-    hydra_plugin.install()
     (tmp_path / "mine.yaml").write_text(
         "defaults:\n- config\n- extra: ${solver}_one\n- _self_\n- override solver: direct\n"
     )
@@ -175,7 +172,6 @@ def test_choices_are_known_to_defaults_that_refer_to_them(tmp_path):
 
 
 def test_a_file_that_changes_is_read_anew(tmp_path):
-    hydra_plugin.install()
     (tmp_path / "solver").mkdir()
     path = create_config_search_path(str(conf_dir()))
     path.prepend("command-line", f"file://{tmp_path}")
