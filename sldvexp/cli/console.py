@@ -29,6 +29,7 @@ from sldvexp.instrument import ScanningPlugin
 from sldvexp.lazy import xarray as xr
 from sldvexp.planner import StandPlan
 from sldvexp.session import Operator, Watcher
+from sldvexp.session.interruption import kept_lines
 from sldvexp.typing import Array
 
 #: Options of this command with what they take.
@@ -72,6 +73,12 @@ def run(words: list[str], config_dir: str | None, port: str | None = None) -> in
     if unfinished is not None:
         folder, unfinished = folder.absolute(), unfinished.resolve()  # see `begun_with`
         begun = begun_with(unfinished)
+        if begun.config_name != "config":
+            raise UserError(
+                f"command line: the run {unfinished} was begun with --config-name "
+                f"{begun.config_name}, of which no experiment can be made here; "
+                f"{kept_lines(unfinished).command} goes on with it"
+            )
         folder = _folder_of(unfinished, begun, folder if config_dir else None) or folder
         added = [word for word in words if not word.startswith(KEY)]
         words = [*begun.settings, *added]

@@ -8,7 +8,7 @@ where they were found from `AimedPerson`, in the place of a person at the termin
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -113,19 +113,24 @@ class AimedPerson:
     ----------
     found : dict of int to (up_down, left_right)
         Steps by the marks' numbers.
+    removed : set of int
+        Numbers of marks that were taken away again.
     """
 
-    def __init__(self, found: dict[int, Steps]) -> None:
-        self.found = found
+    def __init__(self, found: Mapping[int, Steps], removed: Collection[int] = ()) -> None:
+        self.found, self.removed = found, removed
 
     def aim(self, mark: Mark, start: Steps) -> Steps | None:
         """See `Person`; a mark that was not found is hidden."""
         return self.found.get(mark.number)
 
     def review(self, found: Mapping[int, Steps | None]) -> None:
-        """See `Reviewer`; what was aimed anew counts, in the place of what a run has kept."""
-        for number, steps in found.items():
-            if steps != self.found.get(number):
+        """See `Reviewer`; what was aimed anew counts, in the place of what a run has kept.
+
+        A run that was begun elsewhere may have kept marks that nobody has touched here.
+        """
+        for number in (*self.found, *self.removed):
+            if number in found and found[number] != self.found.get(number):
                 raise TakenBackError(number)
 
     def digitise(self, spot: int, samples: int) -> list[Place]:
@@ -196,7 +201,8 @@ class AimedMarks:
     def person(self, view: str) -> AimedPerson | None:
         """Give the person who has found this view's fiducials, None if nobody has."""
         found = {n: steps for (of, n), steps in self.of(view).items() if of == FIDUCIAL}
-        return AimedPerson(found) if found else None
+        changed = {c.name[1] for c in self._done if c.view == view and c.name[0] == FIDUCIAL}
+        return AimedPerson(found, changed - found.keys()) if found else None
 
     def _places(self, view: str, kind: str, predicted: Mapping[Name, Steps]) -> list[list[int]]:
         """List a view's places of a kind, by their numbers."""

@@ -91,7 +91,10 @@ left-right mirror's reach"
         return ""
     steps = np.abs(laser.steps_beyond(angle))
     degrees = np.rad2deg(steps * laser.step)
-    each = zip(MIRRORS, np.ceil(steps - STEP_ROUNDING), degrees, strict=True)
+    told = np.ceil(steps - STEP_ROUNDING)
+    farthest = int(np.argmax(steps))
+    told[farthest] = max(told[farthest], 1.0)  # it is beyond, by however little
+    each = zip(MIRRORS, told, degrees, strict=True)
     return " and ".join(
         f"{step:.0f} steps ({degree:.2g} deg) beyond the {mirror.replace('_', '-')} mirror's reach"
         for mirror, step, degree in each

@@ -8,12 +8,14 @@ have their numbers turned accordingly; these stay what they are.
 from __future__ import annotations
 
 import functools
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 
 from sldvexp.dataset import RunData
+from sldvexp.errors import UserError
 from sldvexp.laser import TwoMirror
 from sldvexp.plot.selection import plugin
 from sldvexp.typing import Array
@@ -31,8 +33,13 @@ def laser_of(run: RunData) -> TwoMirror | None:
 
 
 def ways_of(run: RunData) -> tuple[int, int]:
-    """Tell the signs of DAC steps that go up and to the left, `ANGLES` if no laser is known."""
-    laser = laser_of(run)
+    """Tell the signs of DAC steps that go up and to the left, `ANGLES` if no laser is known.
+
+    A picture of a run whose laser this version cannot make is worth having; its axes stay true.
+    """
+    laser = None
+    with suppress(UserError):
+        laser = laser_of(run)
     if laser is None:
         return ANGLES
     up_down, left_right = laser.ways.tolist()

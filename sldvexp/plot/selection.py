@@ -11,8 +11,10 @@ from typing import Any
 
 import numpy as np
 from omegaconf import OmegaConf
+from omegaconf.errors import OmegaConfBaseException
 
 from sldvexp.config import registry
+from sldvexp.config.refusals import refusal
 from sldvexp.dataset import FREQUENCY, RunData
 from sldvexp.errors import UserError, nearest
 from sldvexp.lazy import xarray as xr
@@ -111,10 +113,17 @@ def plugin(run: RunData, group: str, figure: str) -> Any:
     Raises
     ------
     UserError
-        If the run had none.
+        If the run had none, or its settings are none of this version's.
     """
     names = run.plugins if "plugins" in run.attributes else {}
     if group not in names:
         raise UserError(f"plot: {figure}: the run has no {group}")
+    recorded = settings(run, figure).get(group)
+    if not isinstance(recorded, dict):
+        raise UserError(f"plot: {figure}: the run's configuration has no table {group}")
     schema = registry.schema_of(registry.get(group, names[group]))
-    return OmegaConf.to_object(OmegaConf.merge(schema, settings(run, figure)[group] or {}))
+    try:
+        return OmegaConf.to_object(OmegaConf.merge(schema, recorded))
+    except OmegaConfBaseException as error:
+        where = f"{group}.{error.full_key}" if error.full_key else group
+        raise UserError(f"plot: {figure}: the run's {where} {refusal(error)}") from None

@@ -75,7 +75,9 @@ def angle_text(angle: float, bound: float) -> str:
     ('88.5 ± 5.0', '30.00 ± 0.01')
     """
     least = 10.0**-PLACES
-    return with_bound(angle, bound) if bound >= 10 * least else f"{angle:.{PLACES}f} ± {least:g}"
+    if bound < 10 * least:  # which no bound, NaN, is not
+        return f"{angle:.{PLACES}f} ± {least:g}"
+    return with_bound(angle, bound)
 
 
 def bound_text(bound: float) -> str:

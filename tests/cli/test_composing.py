@@ -15,7 +15,7 @@ from hydra._internal.utils import create_config_search_path
 from hydra.types import RunMode
 from omegaconf import Container, DictConfig, OmegaConf, open_dict
 
-from sldvexp.config import hydra_plugin, naming_loader, schema
+from sldvexp.config import naming_loader, schema
 from sldvexp.config.cached_loader import RememberingLoader
 from sldvexp.config.naming_loader import NamingLoader
 from sldvexp.config.paths import conf_dir
@@ -53,7 +53,6 @@ class Unions:
 
 @pytest.fixture(scope="module")
 def loaders():
-    hydra_plugin.install()
     path = create_config_search_path(str(conf_dir()))
     return RememberingLoader(path), ConfigLoaderImpl(path)
 
@@ -192,7 +191,6 @@ def test_copies_are_quick_only_for_who_asks():
 
 
 def test_choices_are_known_to_defaults_that_refer_to_them(tmp_path):
-    hydra_plugin.install()
     (tmp_path / "mine.yaml").write_text(
         "defaults:\n- config\n- extra: ${solver}_one\n- _self_\n- override solver: direct\n"
     )
@@ -220,7 +218,6 @@ def test_a_hydra_that_makes_choices_known_by_another_function(loaders, monkeypat
 
 
 def test_a_file_that_changes_is_read_anew(tmp_path):
-    hydra_plugin.install()
     (tmp_path / "solver").mkdir()
     path = create_config_search_path(str(conf_dir()))
     path.prepend("command-line", f"file://{tmp_path}")

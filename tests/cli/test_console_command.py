@@ -122,6 +122,13 @@ def test_another_folder_than_that_of_the_run_that_goes_on_is_refused(cut_off, se
         console.run([f"resume={cut_off}"], str(tmp_path / "other"))
 
 
+def test_a_run_of_another_root_than_experiments_are_made_for_goes_on_without_a_page(cut_off):
+    told = cut_off / ".hydra" / "hydra.yaml"
+    told.write_text(told.read_text().replace("config_name: config", "config_name: mine"))
+    with pytest.raises(UserError, match=r"--config-name mine, .*; sldvexp resume=.*/cut goes on"):
+        console.run([f"resume={cut_off}"], None)
+
+
 @pytest.fixture
 def planned(monkeypatch):
     """Plans that cost nothing: bounds of three views and of a fourth."""

@@ -10,7 +10,7 @@ from hydra._internal.utils import create_config_search_path
 from hydra.types import RunMode
 from omegaconf import OmegaConf
 
-from sldvexp.config import cached_loader, hydra_plugin, kept, registry
+from sldvexp.config import cached_loader, kept, registry
 from sldvexp.config.cached_loader import LOOKED_UP, LastingMemory, RememberingLoader
 from sldvexp.config.kept import CACHE, KeptFiles
 from sldvexp.config.paths import conf_dir
@@ -21,7 +21,6 @@ CHOICES = ["solver=cholesky", "seed=3"]
 
 @pytest.fixture(autouse=True)
 def cache(tmp_path, monkeypatch):
-    hydra_plugin.install()
     registry.load_installed.cache_clear()
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     return tmp_path / "cache" / CACHE

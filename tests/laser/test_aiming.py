@@ -7,7 +7,15 @@ import pytest
 
 from sldvexp.errors import UserError
 from sldvexp.geometry import KnownPose, rotation_from_vector, vector_from_rotation
-from sldvexp.laser import Board, Mirror, TwoMirror, corrected_pose, dac_jacobian, dac_of_points
+from sldvexp.laser import (
+    Board,
+    Mirror,
+    TwoMirror,
+    beyond_told,
+    corrected_pose,
+    dac_jacobian,
+    dac_of_points,
+)
 from sldvexp.laser.aiming import ROUGH
 
 POSE = KnownPose(origin=[0.9, 0.5, 1.5], look_at=[0.1, 0.1, 0.0], roll=0.05)
@@ -89,3 +97,13 @@ def test_points_that_no_beam_reaches_are_named(point, told):
         dac_of_points(
             [POINTS[0], point], POSE.rotation, POSE.place, TwoMirror(), ["mark 1", "mark 2"]
         )
+
+
+@pytest.mark.parametrize("beyond", [1e-7, 5e-7, 0.2, 3.0])
+def test_what_the_mirrors_do_not_reach_is_told_to_be_beyond_them_by_however_little(beyond):
+    laser = TwoMirror()
+    _, high = laser.reach
+    told = beyond_told(high + np.array([0.0, beyond * laser.step[1]]), laser)
+    assert told.startswith(f"{max(round(beyond), 1)} step")
+    assert "left-right" in told
+    assert "up-down" not in told

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import importlib.util
 import itertools
 from pathlib import Path
@@ -10,6 +11,7 @@ import matplotlib
 import numpy as np
 import pytest
 import xarray as xr
+from omegaconf import OmegaConf
 
 import sldvexp.plot
 from sldvexp import dataset
@@ -210,6 +212,25 @@ def test_whole_numbers_have_no_ticks_between_them():
 def test_a_run_is_no_sweep(tree):
     with pytest.raises(UserError, match="this is no sweep"):
         sldvexp.plot.sweep(tree)
+
+
+#: Settings of a laser that are none of this version's, and what is said of them.
+LASERS = {
+    "an unknown key": ({"laser": {"no_such": 1}}, "laser.no_such is not a known setting"),
+    "a wrong type": ({"laser": {"mirror_offset": "many"}}, "laser.mirror_offset must be a"),
+    "no table": ({"laser": None}, "configuration has no table laser"),
+}
+
+
+@pytest.mark.parametrize(("settings", "told"), LASERS.values(), ids=LASERS)
+def test_a_laser_of_another_version_is_told_of_and_pictures_are_drawn(tree, settings, told):
+    config = OmegaConf.merge(OmegaConf.create(str(tree.attrs["config"])), settings)
+    attributes = {**tree.attrs, "config": OmegaConf.to_yaml(config)}
+    own = dataset.RunData.from_source(tree)
+    run = dataclasses.replace(own, attributes=attributes)
+    assert len(sldvexp.plot.images(run).axes) >= 4
+    with pytest.raises(UserError, match=rf"^plot: as seen: the run's {told}"):
+        sldvexp.plot.conics(run)
 
 
 def test_the_users_style_is_neither_used_nor_changed():

@@ -7,6 +7,7 @@ import pytest
 
 from sldvexp.dataset import group
 from sldvexp.report import number, with_bound
+from sldvexp.report.numbers import angle_text
 from sldvexp.report.tables import hot_spot_table, strain_table
 
 
@@ -55,3 +56,7 @@ def test_rounding_is_told_as_nothing_in_tables_of_strain():
 
 def test_no_zero_has_a_sign():
     assert with_bound(-0.0004, 0.19) == "0.00 ± 0.19"
+
+
+def test_an_angle_without_a_bound_has_none():
+    assert angle_text(88.5, float("nan")) == "88.5 (no bound)"

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sldvexp.console.marks import AimedPerson
+from sldvexp.console.marks import FIDUCIAL, AimedMarks, AimedPerson
 from sldvexp.errors import UserError
 from sldvexp.instrument.person import TakenBackError
 from sldvexp.instrument.recording import JOURNAL
@@ -106,6 +106,40 @@ def test_what_is_aimed_anew_on_the_page_counts_when_the_run_goes_on():
     with pytest.raises(TakenBackError) as back:
         person.review({1: (1, 1), 2: (20, 2)})
     assert back.value.number == 2
+
+
+class OnThePage(Operator):
+    """Has aimed at marks on the page."""
+
+    def __init__(self, aimed):
+        self.aimed = aimed
+
+    def person(self, view):
+        return self.aimed.person(view)
+
+
+def gone_on_with(session, aimed):
+    guide = partial(aiming_at_marks, session.experiment.laser, None)
+    scan_views(session.experiment, session.folder, OnThePage(aimed), guide=guide)
+
+
+def test_marks_that_nobody_touched_on_the_page_stay_as_the_run_has_them(session):
+    session.press(*marks(session), "enter enter")
+    aimed = AimedMarks()
+    aimed.put("a", (FIDUCIAL, 5), tuple(session.true[4]))
+    gone_on_with(session, aimed)
+    assert session.kept() == {k: session.true[k - 1] for k in range(1, 7)}
+
+
+def test_a_mark_that_was_taken_away_on_the_page_is_hidden_when_the_run_goes_on(session):
+    session.press(*marks(session), "enter enter")
+    aimed = AimedMarks()
+    for k in (1, 5):
+        aimed.put("a", (FIDUCIAL, k), tuple(session.true[k - 1]))
+    aimed.put("a", (FIDUCIAL, 5), None)
+    gone_on_with(session, aimed)
+    right = {k: session.true[k - 1] for k in range(1, 7)}
+    assert session.kept() == right | {5: None}
 
 
 def test_a_pose_that_fails_tells_how_marks_are_taken_again(tmp_path: Path):

@@ -9,6 +9,7 @@ import pytest
 from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
+from sldvexp.config import hydra_plugin
 from sldvexp.errors import ConfigError, UserError
 from sldvexp.signal import (
     Flag,
@@ -19,6 +20,8 @@ from sldvexp.signal import (
     refine_frequencies,
     sine_model,
 )
+
+hydra_plugin.install()
 
 CONF = Path(__file__).parents[2] / "conf"
 TIMES = np.arange(256) / 2560.0
