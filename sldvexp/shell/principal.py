@@ -27,8 +27,9 @@ error of `CLEARLY` standard errors s gains
 
     sqrt(k^2 + (CLEARLY s)^2) - k,
 
-which is added to the standard error by its square. How errors of the real and of the imaginary part go
-together is not known here, so that they are added as if they did in the least favourable way.
+which is added to the standard error by its square. How errors of the real and of the imaginary
+part go together is not known here, so that they are added as if they did in the least favourable
+way.
 """
 
 from __future__ import annotations
