@@ -205,10 +205,12 @@ def constrain_singular(
     if not system.is_small or not system.is_singular:
         return equations, found
     system = constrain_undetermined(equations.system, found)
-    if system.is_singular:
+    while system.is_singular:
         value, vector = np.linalg.eigh(system.dense)
         open_ = value <= len(value) * np.finfo(float).eps * value[-1]
+        open_[0] = True  # round-off alone kept it from a factor
         share = np.square(vector[:, open_]).sum(axis=1).reshape(system.nodes, -1).sum(axis=1)
-        found = found.without(np.sqrt(share) > LEAN)
+        # One node at least, so that this ends: held directions have no part in what is left open.
+        found = found.without(np.sqrt(share) >= min(LEAN, np.sqrt(share.max())))
         system = constrain_undetermined(equations.system, found)
     return replace(equations, system=system), found
