@@ -60,7 +60,7 @@ def beside(view: View, laser: TwoMirror, prisms: Prisms) -> BoolArray:
         return nothing
     size = np.full(len(view.dac), np.inf)
     size[usable] = np.sum(np.abs(view.velocity[usable]) ** 2 / square[usable], axis=1)
-    limit = float(scipy.special.chdtri(2 * view.velocity.shape[1], AT_REST))
+    limit = _of_rest(view)
     inside = _on_surface(view, laser, prisms)
     own = size[inside & usable]
     if not len(own) or np.median(own) < MOVES * limit:
@@ -103,6 +103,15 @@ def _on_surface(view: View, laser: TwoMirror, prisms: Prisms) -> BoolArray:
     return Occlusion.prepare(view, own, prisms.surface, prisms.triangles, 0.0).hides(end)
 
 
+def _of_rest(view: View) -> float:
+    """Give the sum of squares over variances that a pixel at rest exceeds at `AT_REST`.
+
+    Lines have a real and an imaginary part; combinations of a streamed run's lines are real.
+    """
+    parts = 2 if np.imag(view.velocity[view.usable]).any() else 1
+    return float(scipy.special.chdtri(parts * view.velocity.shape[1], AT_REST))
+
+
 def _in_blocks(view: View, rests: BoolArray) -> BoolArray:
     """Keep pixels that rest together."""
     if view.shape is not None and min(view.shape) >= 2:
@@ -133,7 +142,7 @@ def _breaks_off(view: View) -> BoolArray:
     square = np.square(view.std).reshape(len(view.std), -1)
     square = np.broadcast_to(square, view.velocity.shape).reshape(image.shape)
     found = np.zeros(view.shape, bool)
-    limit = scipy.special.chdtri(2 * image.shape[2], AT_REST)
+    limit = _of_rest(view)
     for turn in range(4):
         v, s2, known, border = (  # the last a view
             np.rot90(of, turn) for of in (image, square, usable, found)
