@@ -67,7 +67,7 @@ def test_console_of_a_run_that_was_cut_off_offers_to_go_on(console, tmp_path):
     made, _ = console
     topics = Seen(made(tmp_path).board).look()
     scan = topics["scan"]
-    assert topics["phase"] == "scan"
+    assert topics["phase"]["tab"] == "scan"
     assert scan["resumable"]
     assert "Go on scans what is missing" in scan["told"]
     one = made()
