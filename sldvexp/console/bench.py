@@ -43,6 +43,9 @@ from sldvexp.typing import Array, IntArray
 
 Wish = dict[str, Any]
 
+#: Wishes that follow another one, which may have failed: the page's, not the person's.
+FOLLOWS = ("release", "kind")
+
 #: How often the level is told, s; and how often an instrument that has failed is tried again, s.
 LEVEL, RETRY = 0.25, 2.0
 #: How long the parts of a quick look take about, s, between which wishes are heard; and their most
@@ -110,6 +113,7 @@ class AimingBench:
         self._window: tuple[Steps, Steps] = ((0, 0), (0, 0))
         self._silent = False  # whether the instrument has failed
         self._photographed = (0.0, (0, 0), "")
+        self._complaint = 0.0  # when the problem was said that stands, 0 if none does
         self._begin()
 
     def serve(self) -> None:
@@ -143,7 +147,9 @@ class AimingBench:
 
     def say(self, text: str, problem: bool = False) -> None:
         """Tell the controller something in a sentence."""
-        self.board.tell("said", {"text": text, "problem": problem, "at": time.time()})
+        now = time.time()
+        self._complaint = now if problem else 0.0
+        self.board.tell("said", {"text": text, "problem": problem, "at": now})
 
     def doubt(self) -> None:
         """Take it that the instrument has failed until it answers, which is said then."""
@@ -198,7 +204,10 @@ class AimingBench:
         }
         if name not in known:
             raise UserError("that cannot be done now")
+        before = self._complaint
         known[name](wish)
+        if before and before == self._complaint and name not in FOLLOWS:
+            self.say("")  # what was done since has overtaken it
 
     def _taken(self, wish: Wish) -> None:
         self.steered = True

@@ -91,6 +91,7 @@ class Console:
         self._ours: dict[Path, str] = {}  # files that were written, as they were
         self._unfinished, self._added = unfinished, list(added)
         self._warned = ""  # contradiction of marks of which was told at Scan
+        self._shown = 0  # how often a tab was
         self._last: Scanning | None = None  # scan that has ended
         self._end: BaseException | None = None  # why, if it was not done
         self.bench.answered = self._answered
@@ -102,11 +103,11 @@ class Console:
         }
         base = next((m[1] for s in settings if (m := CHOICE.fullmatch(s))), "session")
         self.board.tell("suggested", f"{base.rpartition('/')[2]}_aimed")
-        self.board.tell("phase", "aim")
+        self._show("aim")
         if unfinished is not None:
             told = f"The run in {unfinished} was cut off: Go on scans what is missing."
             self.board.tell("scan", {**AT_REST, "told": told, "resumable": True})
-            self.board.tell("phase", "scan")
+            self._show("scan")
 
     @property
     def address(self) -> str:
@@ -124,6 +125,11 @@ class Console:
             thread.join(PATIENCE)
         if self._last is not None:
             self._last.join(PATIENCE)
+
+    def _show(self, tab: str) -> None:
+        """Let browsers show a tab, also one that they showed before and have left since."""
+        self._shown += 1
+        self.board.tell("phase", {"tab": tab, "count": self._shown})
 
     def serve(self) -> None:
         """Aim and scan as the controller wishes, until Ctrl-C."""
@@ -184,7 +190,7 @@ class Console:
         """Run settings, and tell what becomes of it; a run that was begun can go on until done."""
         self.bench.leave()  # the run opens the instrument for itself
         scanning = Scanning(experiment, self.board, self.wishes, self._advise, self._tell_advice)
-        self.board.tell("phase", "scan")
+        self._show("scan")
         self.board.tell("scan", {**AT_REST, "told": BEGINS, "resumable": False})
         self.board.tell(
             "result", {"told": "The report stands here when the scan is done.", "page": False}
@@ -210,7 +216,7 @@ class Console:
                 lines = [list(line) for line in closing_lines(RunData.from_source(tree), files)]
             told = f"The run is in {folder}."
             self.board.tell("result", {"told": told, "page": page, "lines": lines})
-            self.board.tell("phase", "result")
+            self._show("result")
             self.bench.say("The scan is done.")
             why = "the run is done, and Result tells what was found"
         finally:

@@ -10,6 +10,7 @@ structure's surface.
 
 from __future__ import annotations
 
+import logging
 import math
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
@@ -25,7 +26,7 @@ from sldvexp.errors import UserError
 from sldvexp.geometry import KnownPose, euler_from_rotation, rotation_from_euler
 from sldvexp.laser import beyond_told, corrected_pose
 from sldvexp.pose import Aiming, AimingPlace
-from sldvexp.pose.aiming import pointing_of
+from sldvexp.pose.aiming import SURE, pointing_of
 from sldvexp.pose.rough_pose import RoughPose, predicted_angles, predicted_steps
 from sldvexp.scan.by_hand import ByHand
 from sldvexp.scan.lines import box_corners
@@ -35,10 +36,10 @@ from sldvexp.targets import Circles, unseen_circles
 from sldvexp.targets.base import std_of_bound
 from sldvexp.typing import Array, IntArray
 
+log = logging.getLogger(__name__)
+
 #: Marks that give a pose.
 FEWEST = 3
-#: Marks from which on their own pose is surer than a rough one.
-SURE = 4
 #: Distance by which a rough pose may be wrong, m.
 NEAR = 0.3
 #: Places that cannot be aimed at of which is told in words.
@@ -103,7 +104,12 @@ class Outlook:
 
     def of(self, marks: Mapping[Name, Steps], view: str) -> Foresight:
         """Tell what the marks of a view tell, and its rough pose."""
-        found = self._foresight(marks, view)
+        try:
+            found = self._foresight(marks, view)
+        except (UserError, np.linalg.LinAlgError) as error:
+            # What cannot be foreseen shall not hide what was marked.
+            log.debug("foreseeing the marks of the view %s", view, exc_info=True)
+            found = Foresight(told=f"Nothing is predicted: {error}.")
         found.out = {name: why for name, why in found.out.items() if name not in marks}
         if found.out:
             each = [f"{self.places[name].name} is {why}" for name, why in found.out.items()]
@@ -115,12 +121,16 @@ class Outlook:
 
     def _foresight(self, marks: Mapping[Name, Steps], view: str) -> Foresight:
         """Tell the same, without what cannot be aimed at."""
-        known = {name: marks[name] for name in self.places if name in marks}
-        aiming = Aiming(self.laser, list(self.places.values()), self._pointing())
+        known = {name: steps for name, steps in marks.items() if name in self.places}
+        rough = self.rough.get(view)
+        aiming = Aiming(self.laser, list(self.places.values()), self._pointing(), rough)
         for name, steps in known.items():
             aiming.take(self.places[name].name, steps)
-        if view in self.rough and len(known) < SURE and self._near(view, aiming.poses):
-            return self._by_rough_pose(known, view, aiming.contradiction())
+        refuted = aiming.refuted
+        near = len(known) < SURE and (rough is not None and self._near(view, aiming.poses))
+        if refuted or near:
+            right = {k: dac for k, dac in known.items() if self.places[k].name not in refuted}
+            return self._by_rough_pose(right, view, aiming.contradiction())
         if aiming.pose is None:
             wrong = aiming.contradiction()
             told = aiming.weakness() or wrong or self._more(len(known), view)
@@ -167,14 +177,18 @@ class Outlook:
         pose = self.rough[view].rotation, self.rough[view].place
         if known:
             points = np.array([self.places[name].position for name in known])
-            pose = corrected_pose(points, np.array(list(known.values()), float), *pose, self.laser)
+            with suppress(UserError):  # marks that no pose near this one explains
+                dac = np.array(list(known.values()), float)
+                pose = corrected_pose(points, dac, *pose, self.laser)
         likely = RoughPose(*pose, np.zeros((6, 6)), cost=0, dof=0, probability=1)
         found = self._foreseen([likely], view)
         place = f"the instrument stands at about {_metres(pose[1])}."
-        if not known:
+        if not known and not wrong:
             searched = " Circles are searched from there: scan at once," if self.rims else " Scan,"
             ways = f"{searched} or take marks where they are known." if not found.out else ""
             found.told = f"By the scan's rough pose {place}{ways}"
+        elif not known:
+            found.told = f"By the scan's rough pose {place}"
         else:
             count = f"{len(known)} mark{'s' * (len(known) > 1)}"
             found.told = f"By the scan's rough pose, corrected by {count}, {place}"

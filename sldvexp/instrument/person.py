@@ -13,6 +13,7 @@ from typing import Any, Protocol, runtime_checkable
 
 from sldvexp.errors import UserError
 from sldvexp.files import read_json
+from sldvexp.geometry import KnownPose
 from sldvexp.instrument.protocol import InstrumentError
 from sldvexp.typing import Array
 from sldvexp.writing import make_folder, whole_or_nothing
@@ -149,8 +150,8 @@ class AimingGuide(Protocol):
         """Say in one sentence why nothing can be believed of the marks; empty if it can."""
 
 
-#: Makes a guide for the marks of a view.
-GuideMaker = Callable[[Sequence[Mark]], AimingGuide]
+#: Makes a guide for the marks of a view, whose rough pose may be known.
+GuideMaker = Callable[[Sequence[Mark], KnownPose | None], AimingGuide]
 
 
 class TakenBackError(Exception):

@@ -9,6 +9,8 @@ from .model import rays as rays
 from .outline import Crossings as Crossings
 from .outline import PartOutline as PartOutline
 from .outline import steps_of_dac as steps_of_dac
+from .rough_doubt import RoughDoubt as RoughDoubt
+from .rough_doubt import doubt_of_rough_pose as doubt_of_rough_pose
 from .two_mirror import MIRRORS as MIRRORS
 from .two_mirror import Board as Board
 from .two_mirror import Mirror as Mirror

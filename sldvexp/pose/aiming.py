@@ -18,8 +18,9 @@ from itertools import combinations
 import numpy as np
 
 from sldvexp.errors import UserError, nearest
+from sldvexp.geometry import KnownPose
 from sldvexp.instrument.person import Mark, Steps, mark_label
-from sldvexp.laser import TwoMirror, beyond_told
+from sldvexp.laser import RoughDoubt, TwoMirror, beyond_told, doubt_of_rough_pose
 from sldvexp.pose.base import PoseMethod
 from sldvexp.pose.bundle import Bundle
 from sldvexp.pose.few_points import AGREE, FLAT, contradiction_of, is_flat, joined
@@ -35,6 +36,8 @@ POINTING = 1.0 / 8192
 SAME = 3.0
 #: Standard deviations from which a mark lies beside where the others put it.
 BESIDE = 4.0
+#: Marks whose own pose is surer than a rough one.
+SURE = 4
 #: Standard deviation of the origin, as a part of the distance, from which a pose is weak.
 WEAK = 0.05
 
@@ -128,6 +131,8 @@ class Aiming:
     pointing : float, optional, DAC steps
         Standard deviation of bringing the beam onto a place, of each mirror; without it that of a
         person, see `pointing_of`.
+    rough : KnownPose, optional
+        Where the instrument roughly stands, with which marks are compared too.
 
     Examples
     --------
@@ -147,9 +152,13 @@ class Aiming:
     """
 
     def __init__(
-        self, laser: TwoMirror, places: Sequence[AimingPlace], pointing: float | None = None
+        self,
+        laser: TwoMirror,
+        places: Sequence[AimingPlace],
+        pointing: float | None = None,
+        rough: KnownPose | None = None,
     ) -> None:
-        self.laser = laser
+        self.laser, self.rough = laser, rough
         self.places = {place.name: place for place in places}
         self.pointing = pointing_of(laser) if pointing is None else pointing
         self._said: dict[str, Steps | None] = {}
@@ -281,6 +290,17 @@ class Aiming:
             self._told = next(self._same_place(), "") or self._disagreement()
         return self._told
 
+    @property
+    def refuted(self) -> list[str]:
+        """Marks that the rough pose refutes: one, or all of a few that contradict one another."""
+        doubt, count = self._doubt(), len(self.taken)
+        own = self._own_disagreement() if doubt is not None else ""
+        if doubt is None or count > SURE or (count == SURE and not own):
+            return []
+        if doubt.wrong:
+            return [doubt.wrong]
+        return list(self.taken) if own and count < SURE else []
+
     def trouble(self) -> str:
         """Say in one sentence why no pose of these marks can be believed; empty if one can."""
         count = len(self.taken)
@@ -309,6 +329,8 @@ class Aiming:
                 f"{joined(names)} fit {len(poses)} poses, at {places} m: one mark more tells, "
                 "best beside their plane"
             )
+        if len(names) >= SURE and self._doubt() is not None:
+            return "all marks agree with one another but not with the rough pose, which is left out"
         distance = float(np.linalg.norm(centroid - poses[0].origin))
         std = math.sqrt(np.linalg.eigvalsh(poses[0].covariance[3:, 3:])[-1])
         if std < WEAK * distance:
@@ -398,8 +420,29 @@ class Aiming:
                     f"{taken[other][1]}: take one of them again"
                 )
 
+    def _doubt(self) -> RoughDoubt | None:
+        """Compare the marks with the rough pose; None if they fit it, or there is none."""
+        taken = self.taken
+        if self.rough is None or not taken:
+            return None
+        places = [self.places[name] for name in taken]
+        points = np.array([place.position for place in places])
+        distance = np.linalg.norm(points - self.rough.place, axis=1)
+        std = np.array([p.std.mean() for p in places]) / distance / self.laser.step.mean()
+        return doubt_of_rough_pose(
+            taken, points, self.rough, self.laser, np.hypot(std, self.pointing)
+        )
+
     def _disagreement(self) -> str:
-        """Say which marks no pose explains, and what to do."""
+        """Say which marks no pose explains, and what to do; the rough pose tells of few."""
+        own, doubt = self._own_disagreement(), self._doubt()
+        few = len(self.taken) < SURE
+        if doubt is not None and doubt.wrong and (few or (own and len(self.taken) == SURE)):
+            return doubt.told
+        return own or (doubt.told if doubt is not None and few else "")
+
+    def _own_disagreement(self) -> str:
+        """Say which marks contradict one another, whatever the rough pose."""
         names = list(self.taken)
         if len(names) < 3 or not self.poses:
             return ""
@@ -416,7 +459,12 @@ class Aiming:
         return f"{told}: take {again[found.kind]} again"
 
 
-def aiming_at_marks(laser: TwoMirror, method: PoseMethod | None, marks: Sequence[Mark]) -> Aiming:
+def aiming_at_marks(
+    laser: TwoMirror,
+    method: PoseMethod | None,
+    marks: Sequence[Mark],
+    rough: KnownPose | None = None,
+) -> Aiming:
     """Make an aiming at the marks of a session, with the eye's error as the pose method has it.
 
     Examples
@@ -429,7 +477,7 @@ def aiming_at_marks(laser: TwoMirror, method: PoseMethod | None, marks: Sequence
     """
     places = [AimingPlace(mark_label(mark.number), mark.position, mark.std) for mark in marks]
     own = method.pointing if isinstance(method, Manual | Bundle) else None
-    return Aiming(laser, places, own)
+    return Aiming(laser, places, own, rough)
 
 
 def _metres(origin: Array) -> str:

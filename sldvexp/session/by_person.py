@@ -74,7 +74,7 @@ class _Answers:
     def __init__(self, at: ViewContext, marks: Mapping[int, Mark], rough: KnownPose | None) -> None:
         self._at, self._marks, self._rough = at, marks, rough
         self._steps: dict[int, Steps | None] = {}
-        self._guide = None if at.guide is None else at.guide(list(marks.values()))
+        self._guide = None if at.guide is None else at.guide(list(marks.values()), rough)
         self._person: Person | None = None
         self._opened = ExitStack()
         self._beam = HOME

@@ -120,6 +120,15 @@ def test_wish_that_cannot_be_is_told_and_changes_nothing(bench, do, seen, wish):
     assert (bench.beam, bench.marks.of("1"), bench._instrument) == ((0, 0), {}, None)
 
 
+def test_a_problem_goes_when_the_next_action_succeeds(bench, do, seen):
+    do("undo")
+    assert seen.look()["said"]["problem"]
+    do("release")  # of an arrow that could not move
+    assert seen.look()["said"]["problem"]
+    do("mark", kind="circle", number=1)
+    assert (seen.look()["said"]["text"], seen.topics["said"]["problem"]) == ("", False)
+
+
 def test_marks_are_taken_taken_back_and_repeated_across_views(bench, do, seen):
     do("move", to=[10, 20])
     do("mark", kind="circle", number=1)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from contextlib import suppress
 
 import pytest
 
@@ -63,11 +64,25 @@ def test_scan_that_failed_goes_on_here_and_the_instrument_is_doubted_until_it_an
     assert runs[1] == [f"resume={tmp_path}"]
 
 
+def test_every_scan_shows_its_tab_also_after_one_that_failed(console):
+    """A browser shows a tab when it is told of one anew, whichever it shows by then."""
+    made, _ = console
+    one = made()
+    seen = Seen(one.board)
+    counts = [seen.look()["phase"]["count"]]
+    for wish in ("scan", "scan"):
+        with suppress(KeyboardInterrupt):
+            one.bench.further[wish]({"do": wish})
+        assert seen.look()["phase"]["tab"] == "scan"
+        counts.append(seen.topics["phase"]["count"])
+    assert counts == sorted(set(counts))
+
+
 def test_console_of_a_run_that_was_cut_off_offers_to_go_on(console, tmp_path):
     made, _ = console
     topics = Seen(made(tmp_path).board).look()
     scan = topics["scan"]
-    assert topics["phase"] == "scan"
+    assert topics["phase"]["tab"] == "scan"
     assert scan["resumable"]
     assert "Go on scans what is missing" in scan["told"]
     one = made()

@@ -99,7 +99,7 @@ def undisturbed(tmp_path_factory, instrument):
     served = Served(tmp_path_factory.mktemp("undisturbed"), *settings(instrument))
     heard = joined(served)
     aim_and_scan(heard)
-    heard.until(lambda: heard.topics.get("phase") == "result")
+    heard.until(lambda: heard.topics.get("phase", {}).get("tab") == "result")
     heard.leave()
     served.end()
     return velocity(served.runs[0])
@@ -114,9 +114,11 @@ def test_scan_goes_on_to_the_same_bits(who, lines, undisturbed, instrument, tmp_
     if who == "browser":
         heard.line.socket.shutdown(socket.SHUT_RDWR)
         other = joined(served)
-        other.until(lambda: other.topics["phase"] == "result" or other.topics["scan"]["paused"])
+        other.until(
+            lambda: other.topics["phase"]["tab"] == "result" or other.topics["scan"]["paused"]
+        )
         other.wish("go_on")
-        other.until(lambda: other.topics["phase"] == "result")
+        other.until(lambda: other.topics["phase"]["tab"] == "result")
         other.leave()
     elif who == "console":
         served.end(signal.SIGKILL)

@@ -91,6 +91,65 @@ def test_no_button_moves_when_the_signal_is_judged_for_the_first_time(page):
     assert heights() == before
 
 
+CHOSEN = "return document.querySelector('#layout .chosen text')?.textContent"
+
+
+def take_all_back(page):
+    """Take back what is marked in this view."""
+    while count := page.marks:
+        page.key("u")
+        page.until(lambda count=count: page.marks == count - 1)
+
+
+def test_after_a_mark_the_following_one_is_chosen_from_the_last_on_the_first(page):
+    take_all_back(page)
+    page.js("document.querySelectorAll('#marks tbody button')[2].click()")
+    assert page.js(CHOSEN) == "3"
+    for place, following in (((300, 40), "4"), ((-300, 90), None)):
+        page.come_to(place)
+        page.mark()
+        page.until(lambda following=following: page.js(CHOSEN) == following)
+    for _ in range(4):  # corners, and then the first circle
+        page.key("ArrowUp")
+        page.mark()
+    page.until(lambda: page.js(CHOSEN) == "1")
+    take_all_back(page)
+
+
+def test_a_problem_moves_nothing_and_goes_with_the_next_action(page):
+    before = page.js(TOP, "map")
+    page.click("write")  # nothing is marked
+    page.until(lambda: page.text("said"))
+    assert page.js("return document.getElementById('said').className") == "problem"
+    assert page.js(TOP, "map") + page.js("return scrollY") == before
+    page.key("ArrowUp")
+    page.until(lambda: not page.text("said"))
+
+
+def test_keys_do_what_they_say_after_a_view_is_chosen(page):
+    page.js("document.getElementById('view').focus()")
+    page.key("ArrowDown")
+    page.until(lambda: page.js("return document.activeElement.id") == "field")
+    page.key("ArrowUp")
+    page.until(lambda: page.beam != (0, 0))
+    page.js("document.getElementById('view').focus()")
+    page.key("ArrowUp")
+
+
+def test_the_beam_is_brought_into_view(page):
+    page.come_to((1500, -1200))
+    page.mark()
+    page.click_at((0, 0))
+    for _ in range(4):
+        page.click("nearer")
+    page.key("p")
+    page.key("g")
+    page.until(lambda: page.beam == (1500, -1200))
+    low, high = page.js("const m = document.getElementById('map').cells; return [m.low, m.high]")
+    assert all(a < b < c for a, b, c in zip(low, page.beam, high, strict=True))
+    take_all_back(page)
+
+
 @pytest.mark.parametrize(("size", "dark"), [(DESKTOP, False), (PHONE, False), (DESKTOP, True)])
 def test_every_tab_is_open_to_everybody_and_no_wider_than_the_window(served, size, dark):
     axe = pytest.importorskip("axe_core_python.base", reason="needs axe-core-python")

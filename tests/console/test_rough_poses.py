@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -13,6 +14,7 @@ from sldvexp.console.board import NoticeBoard
 from sldvexp.console.marks import CIRCLE
 from sldvexp.console.outlook import Outlook, _metres, circle_rims
 from sldvexp.console.scanning import Asked, Scanning
+from sldvexp.errors import UserError
 from sldvexp.geometry import KnownPose
 from sldvexp.laser import dac_of_points
 from sldvexp.scan.rectangle import ScanRegion
@@ -120,8 +122,90 @@ def test_rough_pose_that_is_none_gives_way_to_three_marks(rough, circles):
     )
     marks = {("circle", n): tuple(np.rint(c).astype(int)) for n, c in enumerate(circles[:3], 1)}
     found = outlook.of(marks, "1")
-    assert "rough" not in found.told
+    assert not found.told.startswith("By the scan's rough pose")
+    assert found.wrong == (
+        "circle 1, circle 2 and circle 3 do not agree with the rough pose: take them again, or "
+        "correct that pose"
+    )
     np.testing.assert_allclose(found.predicted["circle", 4], circles[3], atol=15)
+
+
+def taken(circles, *pairs):
+    """Circles by their numbers, each at the place of another or of its own."""
+    return {("circle", n): tuple(np.rint(circles[k - 1]).astype(int).tolist()) for n, k in pairs}
+
+
+def test_a_wrong_second_mark_is_taken_once_and_named(bench, wishes, seen, circles):
+    for name, steps in taken(circles, (3, 3), (1, 4)).items():
+        for wish in ({"do": "move", "to": list(steps)}, {"do": "mark", "kind": "circle"}):
+            wishes.put(wish | ({"number": name[1]} if wish["do"] == "mark" else {}))
+            bench.turn()
+    marks = seen.look()["marks"]
+    assert [m["number"] for m in marks["marks"]] == [1, 3]
+    assert not seen.topics["said"]["problem"]
+    assert re.search(
+        r"But circle 1 lies 9\d\d steps from where the rough pose and circle 3 put it: take it or "
+        "circle 3 again, or correct the rough pose",
+        marks["pose"],
+    )
+    assert np.hypot(*(predicted(marks)["circle", 1] - circles[0])) < 30
+    wishes.put({"do": "undo"})
+    bench.turn()
+    assert [m["number"] for m in seen.look()["marks"]["marks"]] == [3]
+
+
+@pytest.mark.parametrize(
+    ("pairs", "told"),
+    [
+        ([(3, 3), (1, 4), (2, 2)], "circle 1 lies 9"),
+        ([(3, 3), (4, 4), (1, 2)], "circle 1 lies 7"),
+        ([(2, 2), (3, 3), (4, 4), (1, 3)], "circle 3 and circle 1 were taken at the same place"),
+        ([(1, 2), (2, 1), (3, 3)], "circles 1, 2 and 3 are seen from behind"),
+    ],
+)
+def test_no_wrong_mark_drops_the_rough_pose(rough, circles, pairs, told):
+    outlook = Outlook(rough, {"circle": [1, 2, 3, 4]})
+    found = outlook.of(taken(circles, *pairs), "1")
+    assert found.told.startswith("By the scan's rough pose")
+    assert found.wrong.startswith(told)
+    for number, true in enumerate(circles, 1):
+        assert np.hypot(*(found.predicted["circle", number] - true)) < 150
+
+
+def test_right_marks_do_not_doubt_a_rough_pose_within_its_errors(rough, lab_experiment, circles):
+    rng = np.random.default_rng(4)
+    true = lab_experiment.scene.views["1"]
+    for _ in range(6):
+        turned = (np.array(true.euler) + rng.normal(0, 0.03, 3)).tolist()
+        pose = KnownPose(turned, (true.place + rng.normal(0, 0.04, 3)).tolist())
+        scan = replace(rough.scan, poses={"1": pose})
+        outlook = Outlook(replace(rough, scan=scan), {"circle": [1, 2, 3, 4]})
+        for count in (1, 2, 3, 4):
+            clicks = circles[:count] + rng.normal(0, 5, (count, 2))
+            found = outlook.of(taken(clicks, *((n, n) for n in range(1, count + 1))), "1")
+            assert found.wrong == ""
+            assert "not with the rough pose" not in found.told
+
+
+def test_marks_that_agree_go_before_a_rough_pose_and_that_is_told(rough, circles):
+    wrong = beside(rough.scan.poses["1"], by=[0.6, 0.3, 0.2])
+    scan = replace(rough.scan, poses={"1": wrong})
+    outlook = Outlook(replace(rough, scan=scan), {"circle": [1, 2, 3, 4]})
+    found = outlook.of(taken(circles, (1, 1), (2, 2), (3, 3), (4, 4)), "1")
+    assert found.wrong == ""
+    assert "But all marks agree with one another but not with the rough pose" in found.told
+
+
+def test_a_prediction_that_fails_does_not_hide_what_was_marked(bench, wishes, seen, monkeypatch):
+    def failing(*_):
+        raise UserError("no pose is near")
+
+    monkeypatch.setattr(bench.outlook, "_foresight", failing)
+    wishes.put({"do": "mark", "kind": "circle", "number": 3})
+    bench.turn()
+    marks = seen.look()["marks"]
+    assert [m["number"] for m in marks["marks"]] == [3]
+    assert marks["pose"] == "Nothing is predicted: no pose is near."
 
 
 def test_what_is_not_marked_of_a_view_is_taken_as_predicted(bench, wishes, seen, circles):

@@ -19,7 +19,7 @@ from sldvexp.session.interruption import telling_of_the_scan
 from sldvexp.session.operator import NobodyThereError
 from sldvexp.session.session import scan_views
 from sldvexp.targets import FiducialPoint
-from tests.session.test_by_keys import Session
+from tests.session.test_by_keys import HAND, Session
 
 #: Steps by which mark 5 is taken beside its place.
 OFF = (30, -20)
@@ -60,6 +60,22 @@ def test_marks_too_few_for_a_pose_are_told(session):
     assert keys.told("2 marks of this view are taken, and a pose needs three")
     keys = session.press("r 3 enter", session.at(3), "enter")
     assert session.group["point"].values.tolist() == [1, 2, 3]
+
+
+def test_a_mark_that_a_rough_pose_refutes_is_told_when_it_is_taken(composed, tmp_path, monkeypatch):
+    e = composed(*HAND)
+    truth = next(iter(e.scene.views.values()))
+    rough = f"{{euler: {list(truth.euler)}, origin: {(truth.place + 0.01).tolist()}}}"
+    session = Session(composed, tmp_path, monkeypatch, f"scan.views={{a: {{pose: {rough}}}}}")
+    keys = session.press(session.at(1), session.at(2, (2600, 0)), "idle")
+    (told,) = keys.told("mark 2 lies 2")
+    assert told.endswith(
+        "steps from where the rough pose and mark 1 put it: take it or mark 1 again, or correct "
+        "the rough pose"
+    )
+    keys = session.press("r 2 enter", session.at(2), *marks(session, (0, 0))[2:], "enter")
+    assert sum("rough pose" in line for line in keys.lines) == 1  # before it is taken again
+    np.testing.assert_array_equal(session.group["dac"].values[0], session.true)
 
 
 class Typing(Operator):

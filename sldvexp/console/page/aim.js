@@ -156,16 +156,19 @@ export class Aim {
     this.marks = { predicted: [], outlines: [], out: [], ...word };
     const options = word.views.map(({ name, marks }) => new Option(marks ? `${name} (${marks} mark${marks > 1 ? "s" : ""})` : name, name, false, name === word.view));
     $("view").replaceChildren(...options);
-    if (other || !this.chosen || word.marks.length > before) this.chooseNext();
+    if (other) this.chosen = null;  // each view begins with its first mark
+    if (!this.chosen || word.marks.length > before) this.chooseNext();
     $("pose").textContent = word.pose ?? "";
     this.drawMarks();
   }
 
-  /** Choose the first mark that is not set yet, else leave the choice. */
+  /** Choose the mark after the chosen one that is not set yet, from the first on again behind the last; else leave the choice. */
   chooseNext() {
-    const list = this.list();
+    const all = this.list(), after = this.indexOf(this.chosen, all) + 1, list = [...all.slice(after), ...all.slice(0, after)];
     this.choose(list.find((name) => !this.at(name) && !this.at(name, this.marks.out)) ?? this.chosen ?? list[0] ?? null);
   }
+
+  indexOf(name, list) { return list.findIndex((n) => n.kind === name?.kind && n.number === name?.number); }
 
   choose(name) {
     this.chosen = name;
@@ -174,7 +177,7 @@ export class Aim {
   }
 
   chooseBy(by) {
-    const list = this.list(), at = list.findIndex((n) => n.kind === this.chosen?.kind && n.number === this.chosen?.number);
+    const list = this.list(), at = this.indexOf(this.chosen, list);
     if (list.length) this.choose(list[(at + by + list.length) % list.length]);
   }
 
@@ -284,7 +287,11 @@ export class Aim {
 
   go() {
     const place = this.placeOf(this.chosen);
-    if (place) this.page.wish("move", { to: place.map(Math.round) });
+    if (!place) return;
+    this.page.wish("move", { to: place.map(Math.round) });
+    const { low, high } = this.map, side = high[0] - low[0];
+    // The beam goes where it can be seen.
+    if (place.some((b, k) => b < low[k] || b > high[k])) this.window(place.map((b) => b - side / 2), place.map((b) => b + side / 2));
   }
 
   setStep(step) {
@@ -307,8 +314,8 @@ export class Aim {
     actions.write = () => this.page.wish("write", { name: $("name").value.trim(), replace: $("replace").checked });
     actions.start = () => this.page.wish("scan", { name: $("name").value.trim(), replace: $("replace").checked });
     for (const [id, action] of Object.entries(actions)) $(id).addEventListener("click", action);
-    $("shown").addEventListener("change", () => this.showOther());
-    $("view").addEventListener("change", () => this.page.wish("view", { name: $("view").value }));
+    $("shown").addEventListener("change", () => { this.showOther(); $("field").focus({ preventScroll: true }); });
+    $("view").addEventListener("change", () => { this.page.wish("view", { name: $("view").value }); $("field").focus({ preventScroll: true }); });
     for (const radio of document.querySelectorAll("[name=step]")) radio.addEventListener("change", () => this.setStep(Number(radio.value)));
     for (const id of ["slide-up", "slide-left"]) {
       $(id).addEventListener("input", () => this.page.wish("move", { to: [Number($("slide-up").value), Number($("slide-left").value)] }));

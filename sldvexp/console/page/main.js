@@ -5,14 +5,21 @@ import { Link } from "./link.js";
 import { Scan } from "./scan.js";
 
 const $ = (id) => document.getElementById(id);
-const page = { role: "watcher", known: {}, wish: (what, more) => link.wish(what, more), say };
+const page = { role: "watcher", known: {}, wish, say };
 const watchOnly = new URLSearchParams(location.hash.slice(1)).has("watch");
 const aim = new Aim(page), scan = new Scan(page);
+
+/** Wish something of the console; what it refused before is overtaken. */
+function wish(what, more) {
+  if (page.refused) say("");
+  link.wish(what, more);
+}
 
 /** Show a sentence; a problem is set apart. */
 function say(text, problem = false) {
   $("said").textContent = text;
   $("said").className = problem ? "problem" : "";
+  page.refused = false;
 }
 
 function showRole(role) {
@@ -77,7 +84,7 @@ function showPlan({ told, figure }) {
 const topics = {
   who: showWho,
   said: (word) => say(word.text, word.problem),
-  phase: (word) => { if (word !== page.phase) choose(word === "aim" ? "aim" : word); page.phase = word; },
+  phase({ tab, count }) { if (count !== page.phase) choose(tab); page.phase = count; },
   planned: showPlan,
   result: (word) => scan.result(word),
 };
@@ -97,7 +104,7 @@ const link = new Link({
     update();
   },
   role: showRole,
-  refused: (why) => say(why, true),
+  refused: (why) => { say(why, true); page.refused = true; },
   topic(name, word) {
     page.known[name] = word;
     (topics[name] ?? aim.topics[name] ?? scan.topics[name] ?? (() => {}))(word);
