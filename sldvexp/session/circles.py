@@ -26,6 +26,7 @@ from sldvexp.image import (
     pixel_edges,
     profile_edges,
 )
+from sldvexp.image.scan_lines import LEAST_PIXELS
 from sldvexp.laser import TwoMirror
 from sldvexp.lazy import xarray as xr
 from sldvexp.scan.calibration import CalibrationScan, EdgeMethod
@@ -45,6 +46,11 @@ from sldvexp.typing import IntArray
 
 #: Of fine lines in the journal, behind the number of the circle, as `COARSE` is.
 FINE = "fine"
+#: Of the pixels of coarse lines every so many are looked at, until a circle is seen: where a wide
+#: spot blurs an edge over more pixels than are looked at around one, both its sides lie on it.
+THINNED = 1, 2, 4
+#: Half of a fine line over the width of a blurred edge, at least.
+BEYOND = 2.5
 #: By how much lines may differ that another estimator places, over the length of one.
 SAME = 0.2
 PLACE = {
@@ -140,11 +146,21 @@ def _look(
     dac = _placed(camera, key, dac)
     image = camera.image(key, list(dac))
     look = CoarseScan(circle.name, f"{key}_*", image, finer, circle.shade)
-    try:
-        seen = gradient_edges(_lines(image, dac, circle.name), 2, scan.coarse.window)
-        return replace(look, ellipse=fit_circle(seen, "algebraic")[0].ellipse)
-    except UserError as error:
-        return replace(look, problem=str(error))
+    for every in THINNED:
+        if stage.pixels < LEAST_PIXELS * every:
+            break
+        try:
+            lines = _lines(image, dac, circle.name, every)
+            seen = gradient_edges(lines, 2, stage.window // every | 1)
+            ellipse = fit_circle(seen, "algebraic")[0].ellipse
+        except UserError as error:
+            look = replace(look, problem=look.problem or str(error))
+            continue
+        if scan.fine.stride is None:
+            wide = BEYOND * float(np.median(seen.width)) / (scan.fine.pixels // 2)
+            finer = max(finer, int(np.ceil(wide)))
+        return replace(look, finer=finer, ellipse=ellipse, problem="")
+    return look
 
 
 def _edges(
@@ -184,14 +200,14 @@ def _on_board(dac: IntArray, laser: TwoMirror) -> IntArray:
     return dac - under - over
 
 
-def _lines(image: ComplexImage, dac: IntArray, name: str) -> ScanLines:
-    """Scan lines of the velocity at the first frequency."""
+def _lines(image: ComplexImage, dac: IntArray, name: str, every: int = 1) -> ScanLines:
+    """Scan lines of the velocity at the first frequency, of every so many pixels."""
     shape = dac.shape[:2]
     return ScanLines.of_velocity(
-        image.velocity[:, 0].reshape(shape),
-        image.std[:, 0].reshape(shape),
-        dac.astype(float),
-        (image.flags != 0).reshape(shape),
+        image.velocity[:, 0].reshape(shape)[:, ::every],
+        image.std[:, 0].reshape(shape)[:, ::every],
+        dac[:, ::every].astype(float),
+        (image.flags != 0).reshape(shape)[:, ::every],
         name,
     )
 
