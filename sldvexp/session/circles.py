@@ -149,9 +149,9 @@ def _look(
     image = camera.image(key, list(dac))
     look = CoarseScan(circle.name, f"{key}_*", image, finer, circle.shade)
     look = replace(look, stage=stage, stride=stride, half_chord=circle.half_chord)
-    most = 0
+    most, inside = 0, np.mean(moving(image)) > NEARLY_ALL
     for every in THINNED:
-        if stage.pixels < LEAST_PIXELS * every:
+        if every > 1 and (inside or stage.pixels < LEAST_PIXELS * every):
             break
         try:
             lines = _lines(image, dac, circle.name, every)
