@@ -30,7 +30,7 @@ from sldvexp.planner.planned import USUAL_NOISE, StandPlan, sampling_of
 from sldvexp.plot import save
 from sldvexp.plot.catalogue import USUAL
 from sldvexp.sweep import recorded_config
-from sldvexp.targets import shaded_circles
+from sldvexp.targets import Circles, shaded_circles
 from sldvexp.targets.shadows import shade_told
 
 #: Options of this command with what they take.
@@ -303,6 +303,19 @@ def _why(reason: Unseen, place: Place, stand: Stand) -> str:
     if reason is Unseen.target_hidden and place.marks.circles is not None:
         hidden = shaded_circles(stand.origin, place.marks.circles)
         return "; ".join(shade_told(number, others) for number, others in hidden.items())
+    told = reason.told
+    if reason is Unseen.target_incidence and place.marks.circles is not None:
+        told = f"{told}, {_oblique(place, stand, place.marks.circles)}"
     name = SETTING_OF[reason].partition(" ")[0].removeprefix("plan.room.")
     value = getattr(place.room, name, None)
-    return reason.told if value is None else f"{reason.told} (plan.room.{name}={value})"
+    return told if value is None else f"{told} (plan.room.{name}={value})"
+
+
+def _oblique(place: Place, stand: Stand, target: Circles) -> str:
+    """Name the circles that a stand sees too obliquely, with their planes and angles."""
+    angles = place.marks.incidences(stand.origin)
+    return " and ".join(
+        f"circle {number} on the plane {target.circles[number].plane} at {angle:.1f} deg"
+        for number, angle in angles.items()
+        if angle > place.room.incidence
+    )

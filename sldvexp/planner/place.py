@@ -165,6 +165,16 @@ class TargetMarks:
             return np.zeros((len(origins), len(points)), bool)
         return np.asarray(hidden_behind_circles(origins, points, self.circles).any(axis=2))
 
+    def incidences(self, origin: Array) -> dict[int, float]:
+        """Find the largest angle of incidence on each circle from a stand, deg, by its number."""
+        if self.circles is None:
+            return {}
+        way = origin - self.position
+        cosine = np.sum(way * self.normal, axis=1) / np.linalg.norm(way, axis=1)
+        least = cosine.reshape(-1, RIM).min(axis=1)
+        angles = np.degrees(np.arccos(np.clip(least, -1, 1)))
+        return dict(zip(sorted(self.circles.circles), angles.tolist(), strict=True))
+
     def hide_themselves(self, origins: Array) -> BoolArray:
         """Tell from which stands a circle is hidden by another one, (stand,)."""
         if self.circles is None or len({c.plane for c in self.circles.circles.values()}) == 1:

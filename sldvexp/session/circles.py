@@ -26,9 +26,10 @@ from sldvexp.image import (
     pixel_edges,
     profile_edges,
 )
+from sldvexp.image.scan_lines import LEAST_PIXELS
 from sldvexp.laser import TwoMirror
 from sldvexp.lazy import xarray as xr
-from sldvexp.scan.calibration import CalibrationScan, EdgeMethod
+from sldvexp.scan.calibration import CalibrationScan, CircleLines, EdgeMethod
 from sldvexp.scan.lines import across, along_ellipse
 from sldvexp.session.camera import Camera, ViewContext, line_name
 from sldvexp.session.search import (
@@ -41,10 +42,17 @@ from sldvexp.session.search import (
 from sldvexp.signal import ComplexImage, instrument_fault
 from sldvexp.signal.instrument_faults import MOST, moving
 from sldvexp.targets import Circles
-from sldvexp.typing import IntArray
+from sldvexp.typing import Array, IntArray
 
 #: Of fine lines in the journal, behind the number of the circle, as `COARSE` is.
 FINE = "fine"
+#: Of the pixels of coarse lines every so many are looked at, until a circle is seen: where a wide
+#: spot blurs an edge over more pixels than are looked at around one, both its sides lie on it.
+THINNED = 1, 2, 4
+#: Share of the coarse lines' edges with which a circle is seen well.
+ENOUGH = 5 / 6
+#: Half of a fine line over the width of a blurred edge, at least.
+BEYOND = 2.5
 #: By how much lines may differ that another estimator places, over the length of one.
 SAME = 0.2
 PLACE = {
@@ -140,11 +148,26 @@ def _look(
     dac = _placed(camera, key, dac)
     image = camera.image(key, list(dac))
     look = CoarseScan(circle.name, f"{key}_*", image, finer, circle.shade)
-    try:
-        seen = gradient_edges(_lines(image, dac, circle.name), 2, scan.coarse.window)
-        return replace(look, ellipse=fit_circle(seen, "algebraic")[0].ellipse)
-    except UserError as error:
-        return replace(look, problem=str(error))
+    look = replace(look, stage=stage, stride=stride, half_chord=circle.half_chord)
+    most, inside = 0, np.mean(moving(image)) > NEARLY_ALL
+    for every in THINNED:
+        if every > 1 and (inside or stage.pixels < LEAST_PIXELS * every):
+            break
+        try:
+            lines = _lines(image, dac, circle.name, every)
+            seen = gradient_edges(lines, 2, stage.window // every | 1)
+            ellipse = fit_circle(seen, "algebraic")[0].ellipse
+        except UserError as error:
+            look = replace(look, problem=look.problem or str(error))
+            continue
+        if len(seen.std) > most:
+            most = len(seen.std)
+            wide = BEYOND * float(np.median(seen.width)) / (scan.fine.pixels // 2)
+            blurred = 0 if scan.fine.stride else int(np.ceil(wide))
+            look = replace(look, ellipse=ellipse, finer=max(finer, blurred))
+        if most >= ENOUGH * 2 * stage.lines:
+            break
+    return look
 
 
 def _edges(
@@ -184,14 +207,14 @@ def _on_board(dac: IntArray, laser: TwoMirror) -> IntArray:
     return dac - under - over
 
 
-def _lines(image: ComplexImage, dac: IntArray, name: str) -> ScanLines:
-    """Scan lines of the velocity at the first frequency."""
+def _lines(image: ComplexImage, dac: IntArray, name: str, every: int = 1) -> ScanLines:
+    """Scan lines of the velocity at the first frequency, of every so many pixels."""
     shape = dac.shape[:2]
     return ScanLines.of_velocity(
-        image.velocity[:, 0].reshape(shape),
-        image.std[:, 0].reshape(shape),
-        dac.astype(float),
-        (image.flags != 0).reshape(shape),
+        image.velocity[:, 0].reshape(shape)[:, ::every],
+        image.std[:, 0].reshape(shape)[:, ::every],
+        dac[:, ::every].astype(float),
+        (image.flags != 0).reshape(shape)[:, ::every],
         name,
     )
 
@@ -279,6 +302,12 @@ class CoarseScan:
     ellipse : Ellipse or None
     problem : str
         Why there is none.
+    stage : CircleLines, optional
+        As it is set.
+    stride : ndarray of int, shape (line,), steps, optional
+        Of each line.
+    half_chord : ndarray, shape (line,), steps, optional
+        As in `RoughCircle`.
     """
 
     name: str
@@ -288,6 +317,9 @@ class CoarseScan:
     shade: str = ""
     ellipse: Ellipse | None = None
     problem: str = ""
+    stage: CircleLines | None = None
+    stride: IntArray | None = None
+    half_chord: Array | None = None
 
     @property
     def silent(self) -> bool:
@@ -343,7 +375,42 @@ def _no_ellipse(look: CoarseScan) -> str:
         return f"{look.shade}; {STAND_ELSEWHERE} ({look.problem})"
     if np.mean(moving(look.image)) > NEARLY_ALL:
         return f"{look.name}: everything on its lines moves, they do not reach its edge; {longer}"
+    if look.stage is None or look.stride is None:
+        return f"{look.problem}; put the rough centre nearer to the circle's middle, or {longer}"
+    if look.half_chord is not None:
+        return f"{look.problem}; {_other_lines(look.stage, look.stride, look.half_chord)}"
+    within = int(moving(look.image).reshape(look.stage.lines, -1).sum(axis=1).min())
+    if within < look.stage.window and look.stride.min() > 1:
+        longer = (
+            f"give the lines a smaller coarse.stride than {look.stride.min()}, as only {within} "
+            f"pixels of one of them move, and coarse.window={look.stage.window} blurs fewer than "
+            "its own"
+        )
     return f"{look.problem}; put the rough centre nearer to the circle's middle, or {longer}"
+
+
+def _other_lines(stage: CircleLines, stride: IntArray, half_chord: Array) -> str:
+    """Say which coarse lines would show a circle that a rough pose predicts as so wide."""
+    if stage.stride is None:
+        return (
+            f"its lines have a pixel every {', '.join(map(str, stride))} DAC steps, as the rough "
+            f"pose tells the circle's size: give it more of them, coarse.lines={3 * stage.lines}, "
+            "below scan, or in a session below scan.calibration, or stand more in front of its "
+            "plane"
+        )
+    within = int(2 * half_chord.min() / stage.stride)
+    reach = stage.stride * (stage.pixels // 2)
+    if within < stage.window:
+        fault = (
+            f"only {within} pixels of one of its lines lie within the circle, as the rough pose "
+            f"predicts it, fewer than coarse.window={stage.window}"
+        )
+    else:
+        fault = f"its lines reach {reach} DAC steps to each side, the circle {half_chord.max():.0f}"
+    return (
+        f"{fault}: set no coarse.stride, below scan, or in a session below scan.calibration, where "
+        f"{stage.stride} is set; the rough pose then tells one for each line"
+    )
 
 
 def require_instrument(image: ComplexImage, name: str, files: Path, share: float = MOST) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -223,6 +224,17 @@ def test_a_check_names_nodes_and_reasons(sldvexp):
     assert done.status == 0
     assert "does not see" in done.out
     assert "behind a forbidden box" in words(done.out)
+
+
+def test_a_check_names_circles_that_are_too_oblique_with_their_planes_and_angles(sldvexp):
+    done = sldvexp("plan", "check", *QUICK, "plan.room.incidence=20")
+    assert done.status == 0
+    told = (
+        r"calibration object too oblique, circle (\d) on the plane front at (\d\d\.\d) deg( and "
+        r"circle \d on the plane front at \d\d\.\d deg)* \(plan\.room\.incidence=20"
+    )
+    assert (found := re.search(told, words(done.out)))
+    assert 20 < float(found[2]) < 60
 
 
 REFUSED = [

@@ -10,10 +10,12 @@ import pytest
 
 from sldvexp.errors import UserError
 from sldvexp.geometry import KnownPose, euler_from_rotation, rotation_from_vector
+from sldvexp.image import fit_circle
 from sldvexp.instrument import InstrumentError, Replay
 from sldvexp.instrument.recording import JOURNAL
 from sldvexp.laser import dac_of_points
 from sldvexp.scan.calibration import Centres
+from sldvexp.session.circles import edges_of
 from sldvexp.session.operator import Operator
 from sldvexp.session.search import PredictedCircle, spots_of
 from sldvexp.session.session import scan_views
@@ -301,6 +303,61 @@ def test_lines_are_as_long_as_the_circles_need(composed, tmp_path, board, diamet
             assert edges.sizes["edge"] == 8
             off_by = edges["dac"].values.mean(axis=0) - steps.mean(axis=0)
             assert np.abs(off_by).max() < 0.02 * np.ptp(steps, axis=0).max()
+
+
+def oblique(composed, incidence, *more):
+    """A session of one view before four circles of 40 mm that are seen at an angle, deg."""
+    circles = {1: (0, 0), 2: (0.2, 0.02), 3: (0.18, 0.2), 4: (0.02, 0.19)}
+    turn = np.deg2rad(incidence)
+    place = [float(0.1 - 1.3 * np.sin(turn)), 0.1, float(1.3 * np.cos(turn))]
+    more = "scan.calibration.fine.lines=20", *more
+    e = before(composed, circles, 0.04, [place, place], *more)
+    return replace(e, scan=replace(e.scan, poses={"a": e.scan.poses["a"]}))
+
+
+@pytest.mark.parametrize(
+    ("board", "incidence", "waist"), [("bits_16", 70.0, 1e-3), ("bits_12_sign", 70.0, 1.5e-3)]
+)
+def test_an_edge_that_a_wide_spot_blurs_over_an_oblique_circle_is_seen(
+    composed, tmp_path, board, incidence, waist
+):
+    """Its two sides are more pixels apart than the coarse lines' edges are looked at."""
+    e = oblique(composed, incidence, f"laser.board={board}", f"scene.spot.waist={waist}")
+    edges = edges_of(scan_views(e, tmp_path)["edge/a"])
+    pose = e.scene.views["a"]
+    for outline, found in zip(e.target.outlines(), edges, strict=True):
+        steps = dac_of_points(outline, pose.rotation, pose.place, e.laser, ["rim"] * len(outline))
+        off_by = fit_circle(found)[0].ellipse.centre - steps.mean(axis=0)
+        assert np.abs(off_by).max() < 0.02 * np.ptp(steps, axis=0).max()
+
+
+@pytest.mark.parametrize(
+    ("incidence", "told", "wrong", "right"),
+    [
+        (
+            70.0,
+            r"; only \d+ pixels of one of its lines lie within the circle, as the rough pose "
+            r"predicts it, fewer than coarse\.window=25: set no coarse\.stride, below .*, where 60 "
+            "is set; the rough pose then tells one for each line$",
+            ("scan.calibration.coarse.stride=60",),
+            (),
+        ),
+        (
+            75.0,
+            r"; its lines have a pixel every \d+, \d+, \d+ DAC steps, as the rough pose tells the "
+            r"circle's size: give it more of them, coarse\.lines=9, below",
+            ("scene.spot.waist=1e-3",),
+            ("scene.spot.waist=1e-3", "scan.calibration.coarse.lines=9"),
+        ),
+    ],
+)
+def test_lines_that_do_not_show_an_oblique_circle_are_told_with_those_that_do(
+    composed, tmp_path, incidence, told, wrong, right
+):
+    with pytest.raises(UserError, match=told):
+        scan_views(oblique(composed, incidence, "laser.board=bits_16", *wrong), tmp_path / "wrong")
+    found = scan_views(oblique(composed, incidence, "laser.board=bits_16", *right), tmp_path)
+    assert len(edges_of(found["edge/a"])) == 4
 
 
 def test_only_a_whole_spot_of_the_circles_size_is_one():
