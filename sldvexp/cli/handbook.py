@@ -86,9 +86,9 @@ def run(words: list[str], config_dir: str | None) -> int:
     else:
         found = places_of(words[0])
         if not found:
-            told = nearest(words[0], [*pages(), *MADE])
+            told, shown = nearest(words[0], [*pages(), *MADE]), words[0].strip() or "without a name"
             raise UserError(
-                f"command line: there is no page {words[0]}, and none has the word; {told}"
+                f"command line: there is no page {shown}, and none has the word; {told}"
             )
         print("\n".join([*wrapped(f"{words[0]} is in"), *columns(found)]))
     return 0
@@ -156,7 +156,9 @@ def places_of(word: str) -> list[tuple[str, str]]:
     ['glossary', 'response_functions']
     """
     letters = [re.escape(letter) for letter in re.sub(r"[\s_-]", "", word)]
-    spelt = r"[\s_-]?".join(letters) or "$^"
+    if not letters:
+        return []
+    spelt = r"[\s_-]?".join(letters)
     for pattern in (rf"(?<![^\W_]){spelt}(?:{ENDINGS})?(?![^\W_])", spelt):
         found = {name: _sections_of(page, pattern) for name, page in pages().items()}
         # A page that has a section on it goes before one that has the word here and there.

@@ -44,6 +44,8 @@ def test_terminal_gets_headings_and_tables_that_are_set(sldvexp, monkeypatch, to
 @pytest.mark.parametrize(
     ("words", "answer"),
     [
+        ([""], "there is no page without a name, and none has the word"),
+        (["-"], "there is no page -, and none has the word"),
         (["glosary"], "there is no page glosary, and none has the word; did you mean glossary? "),
         (["../handbook/glossary"], "there is no page ../handbook/glossary, and none has"),
         (["glossary", "conventions"], "handbook takes one page or word, not glossary conventions"),
