@@ -26,7 +26,7 @@ from sldvexp.errors import UserError
 from sldvexp.geometry import KnownPose, euler_from_rotation, rotation_from_euler
 from sldvexp.laser import beyond_told, corrected_pose
 from sldvexp.pose import Aiming, AimingPlace
-from sldvexp.pose.aiming import SURE, pointing_of
+from sldvexp.pose.aiming import FEWEST, SURE, pointing_of
 from sldvexp.pose.rough_pose import RoughPose, predicted_angles, predicted_steps
 from sldvexp.scan.by_hand import ByHand
 from sldvexp.scan.lines import box_corners
@@ -38,8 +38,6 @@ from sldvexp.typing import Array, IntArray
 
 log = logging.getLogger(__name__)
 
-#: Marks that give a pose.
-FEWEST = 3
 #: Distance by which a rough pose may be wrong, m.
 NEAR = 0.3
 #: Places that cannot be aimed at of which is told in words.

@@ -36,6 +36,8 @@ POINTING = 1.0 / 8192
 SAME = 3.0
 #: Standard deviations from which a mark lies beside where the others put it.
 BESIDE = 4.0
+#: Marks that give a pose.
+FEWEST = 3
 #: Marks whose own pose is surer than a rough one.
 SURE = 4
 #: Standard deviation of the origin, as a part of the distance, from which a pose is weak.
@@ -304,7 +306,7 @@ class Aiming:
     def trouble(self) -> str:
         """Say in one sentence why no pose of these marks can be believed; empty if one can."""
         count = len(self.taken)
-        if count < 3:
+        if count < FEWEST:
             given = f"{count or 'no'} mark{'' if count == 1 else 's'}"
             told = f"{given} of this view {'is' if count == 1 else 'are'} taken, and a pose needs "
             return self.contradiction() or f"{told}three that are not in a line"
@@ -313,7 +315,7 @@ class Aiming:
     def weakness(self) -> str:
         """Say in one sentence why the pose is weak; empty if it is not, or is not known yet."""
         names = list(self.taken)
-        if len(names) < 3:
+        if len(names) < FEWEST:
             return ""
         position = np.array([self.places[name].position for name in names])
         centroid = position.mean(axis=0)
@@ -444,7 +446,7 @@ class Aiming:
     def _own_disagreement(self) -> str:
         """Say which marks contradict one another, whatever the rough pose."""
         names = list(self.taken)
-        if len(names) < 3 or not self.poses:
+        if len(names) < FEWEST or not self.poses:
             return ""
         found = contradiction_of(self._matched(names))
         if found is None:
