@@ -388,17 +388,6 @@ class WeightedFit:
             found += (own * apart) @ apart.T
         return found
 
-    def evaluate(self, rows: Array) -> tuple[Array, Array]:
-        """Compute mean and variance of linear functionals, shape (functional, column) each.
-
-        Parameters
-        ----------
-        rows : ndarray, shape (functional, coefficient)
-        """
-        columns = range(self.reduced.shape[1])
-        variance = [np.einsum("fi,fi->f", rows @ self.covariance(c), rows) for c in columns]
-        return rows @ self._mean, np.stack(variance, axis=-1)
-
 
 class _Evaluated(NamedTuple):
     """Parts of the likelihood at a level.

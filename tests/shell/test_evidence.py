@@ -8,6 +8,7 @@ import pytest
 from sldvexp.shell import WeightedFit
 from sldvexp.shell.columns import SignalColumns
 from sldvexp.shell.evidence import Level
+from sldvexp.shell.functionals import Rows
 from sldvexp.shell.nuisances import ErrorEquations
 
 ROWS, COEFFICIENTS = 60, 12
@@ -28,13 +29,19 @@ def fitted(design, data, penalties, grids):
     )
 
 
+def evaluated(found, rows):
+    """Give mean and variance of linear functionals, shape (functional, column) each."""
+    columns = range(found.mean().shape[1])
+    return Rows(rows).evaluate(found.mean(), [found.covariance(c) for c in columns])
+
+
 def test_one_point_of_the_grid_is_the_ridge_regression():
     rng, design, penalties = problem()
     data = rng.normal(size=(ROWS, 2))
     found = fitted(design, data, penalties, [np.array([1.0]), np.array([2.0])])
     inverse = np.linalg.inv(design.T @ design + np.e * penalties[0] + np.e**2 * penalties[1])
     functional = rng.normal(size=(3, COEFFICIENTS))
-    mean, variance = found.evaluate(functional)
+    mean, variance = evaluated(found, functional)
     assert mean == pytest.approx(functional @ inverse @ design.T @ data)
     wanted = np.einsum("ij,jk,ik->i", functional, inverse, functional)
     assert variance == pytest.approx(np.tile(wanted[:, None], 2))
@@ -68,7 +75,7 @@ def test_the_average_is_that_of_its_points():
             variances.append(inverse[7, 7])
     share = np.exp(logs - np.max(logs))
     share /= share.sum()
-    mean, variance = found.evaluate(functional)
+    mean, variance = evaluated(found, functional)
     average = share @ means
     assert mean.item() == pytest.approx(average, rel=1e-2)
     spread = share @ (np.array(variances) + np.array(means) ** 2) - average**2
@@ -86,7 +93,7 @@ def test_intervals_hold_as_often_as_they_say():
         theta[2:6] = rng.normal(size=4) / np.sqrt(np.exp(1.0) * np.diag(penalties[0])[2:6])
         theta[6:] = rng.normal(size=6) * np.exp(-rng.uniform(-2, 8) / 2)
         data = (design @ theta + rng.normal(size=ROWS))[:, None]
-        mean, variance = fitted(design, data, penalties, grids).evaluate(np.eye(COEFFICIENTS))
+        mean, variance = evaluated(fitted(design, data, penalties, grids), np.eye(COEFFICIENTS))
         inside.append(np.abs(mean[:, 0] - theta) <= 1.96 * np.sqrt(variance[:, 0]))
     share = np.mean(inside)
     error = np.std(np.mean(inside, axis=1), ddof=1) / np.sqrt(400)
