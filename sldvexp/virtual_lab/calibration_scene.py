@@ -204,7 +204,7 @@ class CalibrationObject(SceneObject):
         outward = away / np.maximum(from_center, np.finfo(float).tiny)[:, None]
         radius = self.radius[circle]
         moving = part_inside(
-            radius - from_center, outward, normal, 1.0 / radius, beams.direction, beams.radius(hit)
+            from_center, outward, normal, radius, beams.direction, beams.radius(hit)
         )
         to_instrument = -beams.direction
         piston = speaker * (normal * to_instrument).sum(-1)

@@ -72,11 +72,11 @@ def test_v_is_the_velocity_along_the_line_of_sight(quiet, phasors, swapped):
 
 
 def integrated(depth, outward, normal, curvature, direction, radius):
-    """Light of a Gaussian beam inside a circle: chord by chord exact, 4000 chords summed."""
+    """Light of a Gaussian beam inside a circle: chord by chord exact, 40000 chords summed."""
     sigma = radius / 2
     across = np.linalg.svd(direction[None])[2][1:]
     p, q = across - np.outer(across @ normal, direction) / (direction @ normal)
-    x = np.linspace(-6, 6, 4001) * sigma
+    x = np.linspace(-6, 6, 40001) * sigma
     c = x[:, None] * p + (1 / curvature - depth) * outward
     # |c + y q|^2 < 1 / curvature^2
     b, c2 = c @ q / (q @ q), ((c**2).sum(1) - curvature**-2) / (q @ q)
@@ -86,23 +86,24 @@ def integrated(depth, outward, normal, curvature, direction, radius):
     return weight @ chord / weight.sum()
 
 
-@pytest.mark.parametrize("tilt", [0.0, 0.6])
+@pytest.mark.parametrize("radius", [3e-4, 8e-3], ids=["usual", "as wide as the circle"])
+@pytest.mark.parametrize("tilt", [0.0, 0.6, 1.2])
 @pytest.mark.parametrize("turn", [0.0, 0.8, 2.5])
-def test_the_light_inside_an_edge(tilt, turn):
+def test_the_light_inside_an_edge(tilt, turn, radius):
     normal, outward = np.array([0.0, 0.0, 1.0]), np.array([np.cos(turn), np.sin(turn), 0.0])
     direction = -np.array([np.sin(tilt), 0.0, np.cos(tilt)])
-    depth = np.array([-3e-4, -1e-4, 0.0, 5e-5, 2e-4])
+    depth = radius * np.array([-1.0, -0.3, 0.0, 0.2, 0.7])
     n = len(depth)
     ours = part_inside(
-        depth,
+        0.01 - depth,
         np.tile(outward, (n, 1)),
         np.tile(normal, (n, 1)),
-        np.full(n, 100.0),
+        np.full(n, 0.01),
         np.tile(direction, (n, 1)),
-        np.full(n, 3e-4),
+        np.full(n, radius),
     )
-    sums = [integrated(s, outward, normal, 100.0, direction, 3e-4) for s in depth]
-    np.testing.assert_allclose(ours, sums, atol=1e-4)
+    sums = [integrated(s, outward, normal, 100.0, direction, radius) for s in depth]
+    np.testing.assert_allclose(ours, sums, atol=1e-6)
 
 
 def test_a_spot_without_width_sees_a_step(quiet, phasors):
