@@ -187,6 +187,7 @@ def _edges(
         rejected=tuple(zip(found.line[~good].tolist(), reason[~good].tolist(), strict=True)),
         lines=len(lines.magnitude),
         name=lines.name,
+        reach=(found.inside[good] - 1) / 2.0 * lines.pitch[line],
     )
 
 
@@ -221,6 +222,8 @@ class Candidates:
         Pixels within reach, on the same line.
     counts : ndarray of bool, shape (n, 2 REACH + 1)
         Which of those are there and not flagged.
+    inside : ndarray of int, shape (n,)
+        How many of those the line has.
     edge, std : ndarray, shape (n,), steps
         Place along the line by the parabola, and its standard error.
     width : ndarray, shape (n,), steps
@@ -235,6 +238,7 @@ class Candidates:
     rising: BoolArray
     around: IndexArray
     counts: BoolArray
+    inside: IndexArray
     edge: Array
     std: Array
     width: Array
@@ -281,7 +285,18 @@ def candidates(lines: ScanLines, edges_per_line: int, window: int) -> Candidates
     square = (contrast / (np.abs(slope) + TINY)) ** 2 / (2.0 * np.pi) - pitch**2 / 3.0
     width = np.sqrt(np.maximum(square, 0.0))
     return Candidates(
-        line, pixel, rising, around, counts, edge, error, width, before, after, reason
+        line,
+        pixel,
+        rising,
+        around,
+        counts,
+        inside.sum(axis=1),
+        edge,
+        error,
+        width,
+        before,
+        after,
+        reason,
     )
 
 

@@ -18,10 +18,14 @@ from numpy.typing import ArrayLike
 
 from sldvexp.errors import UserError
 from sldvexp.geometry import BitangentPoints, ConicFit, fit_ellipse
-from sldvexp.geometry.conic import curvature, signed_distance
+from sldvexp.geometry.conic import signed_distance
 from sldvexp.image.scan_lines import ScanLineEdges
+from sldvexp.image.spot import seen_edges, spot_of_widths
 from sldvexp.laser import MIRRORS, TwoMirror
 from sldvexp.typing import Array
+
+#: Rounds in which ellipse and spot settle, and how closely, relative to an edge's error.
+ROUNDS, SETTLED = 12, 0.02
 
 
 def pinhole_from_dac(laser: TwoMirror, dac: ArrayLike) -> Array:
@@ -112,6 +116,7 @@ def pinhole_edges(laser: TwoMirror, edges: ScanLineEdges) -> ScanLineEdges:
         std=edges.std * stretch,
         direction=along / stretch[:, None],
         width=edges.width * stretch,
+        reach=None if edges.reach is None else edges.reach * stretch,
     )
 
 
@@ -127,6 +132,7 @@ def dac_edges(laser: TwoMirror, edges: ScanLineEdges) -> ScanLineEdges:
         std=edges.std * stretch,
         direction=along / stretch[:, None],
         width=edges.width * stretch,
+        reach=None if edges.reach is None else edges.reach * stretch,
     )
 
 
@@ -143,8 +149,11 @@ def dac_bitangents(laser: TwoMirror, found: BitangentPoints) -> BitangentPoints:
 def fit_circle(edges: ScanLineEdges, method: str = "likelihood") -> tuple[ConicFit, ScanLineEdges]:
     """Fit a conic through the edges of one circle, freed from the spot's size.
 
-    A spot of width w sees half the motion not on a curved edge but ``curvature w^2 / 2`` inside of
-    it. The first fit tells the curvature, the edges are moved out by that much, and fitted again.
+    A spot sees a curved edge inside of where it is (`sldvexp.image.spot`). How far depends on the
+    ellipse and the spot, which fit and widths tell: in turns the edges are moved out by as much,
+    and fitted again, until both stay. A spot that is wider than about 0.4 of the smaller semi-axis
+    looks over the circle and beyond, so that this does not settle; it stops where it settles best,
+    and what is then still open counts as an error of the edges.
 
     Parameters
     ----------
@@ -178,14 +187,52 @@ def fit_circle(edges: ScanLineEdges, method: str = "likelihood") -> tuple[ConicF
     array([0.02, 0.02])
     """
     try:
-        first = _fit(edges, method)
-        _, normal = signed_distance(edges.position, first.ellipse.parameters)
-        across = edges.width * np.abs((normal * edges.direction).sum(axis=-1))
-        shift = curvature(normal, first.ellipse.parameters) * across**2 / 2.0
-        moved = replace(edges, position=edges.position + shift[:, None] * normal)
-        return _fit(moved, method), moved
+        fit, moved = _fit(edges, method), edges
+        if not np.all(edges.width > 0):
+            return fit, edges
+        inward, widening = np.zeros_like(edges.width), np.ones_like(edges.width)
+        last = np.inf
+        for _ in range(ROUNDS):
+            before = inward
+            inward, widening, normal = _inward(moved, edges.width / widening, fit)
+            change = np.abs(inward - before)
+            most = float(np.max(change / edges.std))
+            if most > last:
+                open_ = replace(moved, std=np.hypot(edges.std, change))
+                return _fit(open_, method), open_
+            moved = replace(edges, position=edges.position + inward[:, None] * normal)
+            fit, last = _fit(moved, method), most
+            # The next change is about this one times by how much the profile is not a straight
+            # edge's: for a sharp spot one round is enough.
+            if most * np.abs(widening - 1.0).max() <= SETTLED:
+                break
+        return fit, moved
     except UserError as error:
         raise UserError(f"{error} (seen: {edges.summary()})") from None
+
+
+def _inward(edges: ScanLineEdges, width: Array, fit: ConicFit) -> tuple[Array, Array, Array]:
+    """Find how far inside of the ellipse the spot sees its edges.
+
+    Parameters
+    ----------
+    width : ndarray, shape (n,)
+        That straight edges would have, along the scan lines.
+
+    Returns
+    -------
+    inward, widening : ndarray, shape (n,)
+        Along the normal; width as it is seen over that of a straight edge.
+    normal : ndarray, shape (n, 2)
+    """
+    numbers = fit.ellipse.parameters
+    distance, normal = signed_distance(edges.position, numbers)
+    cosine = np.abs((normal * edges.direction).sum(axis=-1))
+    spot = spot_of_widths(width * cosine, edges.std * cosine, normal)
+    place = edges.position - distance[:, None] * normal
+    offset, widening = seen_edges(numbers, spot, place, edges.direction, edges.reach)
+    seen, _ = signed_distance(place + offset[:, None] * edges.direction, numbers)
+    return -seen, widening, normal
 
 
 def _fit(edges: ScanLineEdges, method: str) -> ConicFit:

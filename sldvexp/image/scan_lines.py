@@ -204,6 +204,8 @@ class ScanLineEdges:
     lines : int
         How many lines were looked at.
     name : str
+    reach : ndarray, shape (n,), steps, optional
+        How far on both sides, along the scan line, the pixels are that place an edge.
     """
 
     position: Array
@@ -216,6 +218,7 @@ class ScanLineEdges:
     rejected: tuple[tuple[int, Reason], ...]
     lines: int
     name: str
+    reach: Array | None = None
 
     def counts(self) -> dict[Reason, int]:
         """Count how many candidates were rejected for each reason."""

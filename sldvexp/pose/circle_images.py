@@ -115,7 +115,9 @@ def registration_table(images: CircleImages, target: Circles) -> RegistrationTab
 def _used(fitted: CircleFit) -> ScanLineEdges:
     """Keep the edges that are no outliers."""
     fit, edges = fitted
-    parts = ("position", "std", "direction", "width", "line", "rising", "phase")
+    parts = ["position", "std", "direction", "width", "line", "rising", "phase"]
+    if edges.reach is not None:
+        parts.append("reach")
     return replace(edges, **{p: getattr(edges, p)[fit.used] for p in parts})
 
 

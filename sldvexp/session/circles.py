@@ -241,6 +241,7 @@ def edges_to_dataset(edges: list[ScanLineEdges]) -> xr.Dataset:
         dac_std=np.concatenate([e.std for e in edges]),
         direction=np.concatenate([e.direction for e in edges]),
         width=np.concatenate([e.width for e in edges]),
+        reach=np.concatenate([_reach(e) for e in edges]),
         phase=np.concatenate([e.phase for e in edges]),
         circle=np.repeat(np.arange(1, len(edges) + 1), sizes),
     )
@@ -248,6 +249,10 @@ def edges_to_dataset(edges: list[ScanLineEdges]) -> xr.Dataset:
     group.attrs["lost"] = json.dumps({reason.value: count for reason, count in lost.items()})
     group.attrs["summary"] = "\n".join(f"{e.name}: {e.summary()}" for e in edges)
     return group
+
+
+def _reach(edges: ScanLineEdges) -> Array:
+    return np.full(len(edges.std), np.nan) if edges.reach is None else edges.reach
 
 
 def edges_of(group: xr.Dataset) -> list[ScanLineEdges]:
@@ -264,6 +269,7 @@ def edges_of(group: xr.Dataset) -> list[ScanLineEdges]:
                 direction=own["direction"].values,
                 width=own["width"].values,
                 line=np.arange(count),
+                reach=own["reach"].values if "reach" in own else None,
                 rising=np.zeros(count, bool),
                 phase=own["phase"].values,
                 rejected=(),
