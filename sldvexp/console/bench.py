@@ -29,6 +29,7 @@ from sldvexp.console.marks import (
     view_names,
     wanted,
 )
+from sldvexp.console.misfit import MarkMisfit
 from sldvexp.console.outlook import Outlook
 from sldvexp.errors import UserError
 from sldvexp.instrument import Acquisition, Instrument, InstrumentError, RawSamples
@@ -526,7 +527,7 @@ class AimingBench:
             "kind": self.kind,
             "marks": [
                 {"kind": kind, "number": number, "dac": list(steps)}
-                | ({"residual": ahead.residual[name]} if name in ahead.residual else {})
+                | (_told_misfit(ahead.misfit[name]) if name in ahead.misfit else {})
                 for name in sorted(found)
                 for (kind, number), steps in [(name, found[name])]
             ],
@@ -555,6 +556,12 @@ class AimingBench:
         if change.view != self.view:
             self._choose_view({"name": change.view})
         self._tell_marks()
+
+
+def _told_misfit(misfit: MarkMisfit) -> dict[str, Any]:
+    """Tell how far a mark lies off; marks without any error would make no usual distance."""
+    usual = misfit.usual if np.isfinite(misfit.usual) else None
+    return {"off": misfit.off, "usual": usual, "beside": misfit.beside}
 
 
 def places_within(full: Acquisition) -> int:

@@ -18,7 +18,7 @@ from typing import Any
 from sldvexp.config.experiment import Experiment
 from sldvexp.console.afterwards import Advice, Advise, Afterwards
 from sldvexp.console.board import NoticeBoard
-from sldvexp.console.marks import AimedMarks, AimedPerson
+from sldvexp.console.marks import AimedMarks, AimedPerson, circle_numbers
 from sldvexp.console.painting import Painter
 from sldvexp.lazy import xarray as xr
 from sldvexp.pipeline.run_progress import ScanProgress
@@ -61,7 +61,7 @@ class Scanning(Watcher):
         advise: Advise | None = None,
         advised: Callable[[Advice], None] | None = None,
     ) -> None:
-        self.board, self.wishes = board, wishes
+        self.board, self.wishes, self._experiment = board, wishes, experiment
         self.stopped = self.lost = self.paused = False
         self._running, self._between, self._why = True, False, ""
         self._resumable = False
@@ -249,7 +249,8 @@ class Scanning(Watcher):
             facts["pixels"] = f"{done} of {total}"
         if line is not None:
             velocity, reference = line.level
-            facts["line"] = in_words(line.lines, line.number, line.count)
+            circles = circle_numbers(self._experiment, line.view)
+            facts["line"] = in_words(line.lines, line.number, line.count, circles)
             facts["level"] = f"velocity {velocity:.3g} V, reference {reference:.3g} V"
         for flag, count in list(self._painter.flagged.items()) if total else ():
             if count:

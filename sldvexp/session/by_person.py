@@ -151,7 +151,8 @@ class _Answers:
         try:
             if taken:
                 at = [self._marks[number].position for number in taken.values()]
-                pose = corrected_pose(at, list(taken), *pose, laser)
+                names = [mark_label(number) for number in taken.values()]
+                pose = corrected_pose(at, list(taken), *pose, laser, names)
             steps = dac_of_points(mark.position[None], *pose, laser, [mark_label(mark.number)])[0]
         except UserError:  # out of the mirrors' reach, as a mark that is hidden may be
             return self._beam

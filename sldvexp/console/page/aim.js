@@ -199,11 +199,12 @@ export class Aim {
         if (chosen) row.className = "chosen";
         return row;
       }
-      const off = set?.residual === undefined ? "" : set.residual.toFixed(1);
+      const off = offTold(set);
       const cells = [button, ...(set ?? guess)?.dac.map(String) ?? ["–", "–"], off].map((content) => {
         const cell = document.createElement("td");
         cell.append(content);
         if (!set && guess) cell.className = "predicted";
+        if (set?.beside && content === off) cell.className = "beside";
         return cell;
       });
       row.append(...cells);
@@ -370,6 +371,14 @@ function drawn(kind, attributes, ...content) {
   for (const [name, value] of Object.entries(attributes)) made.setAttribute(name, value);
   made.append(...content);
   return made;
+}
+
+/** Say how far a mark lies off where the others put it, and up to where that is usual. */
+function offTold(set) {
+  if (set?.off === undefined) return "";
+  const off = set.off.toFixed(0);
+  if (set.beside) return `${off}, not within ${set.usual.toFixed(0)}`;
+  return set.usual === null ? off : `${off}, within ${set.usual.toFixed(0)}`;
 }
 
 /** Name a mark, in the list and on the map alike. */
