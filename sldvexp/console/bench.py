@@ -29,7 +29,6 @@ from sldvexp.console.marks import (
     view_names,
     wanted,
 )
-from sldvexp.console.misfit import MarkMisfit
 from sldvexp.console.outlook import Outlook
 from sldvexp.errors import UserError
 from sldvexp.instrument import Acquisition, Instrument, InstrumentError, RawSamples
@@ -103,6 +102,7 @@ class AimingBench:
         self.steered = False
         self.further: dict[str, Callable[[Wish], None]] = {}
         self.answered: Callable[[], None] = lambda: None
+        self.changed: Callable[[], None] = lambda: None  # told of the marks
         self._opened = ExitStack()
         self._instrument: Instrument | None = None
         self._set: Acquisition | None = None
@@ -527,7 +527,7 @@ class AimingBench:
             "kind": self.kind,
             "marks": [
                 {"kind": kind, "number": number, "dac": list(steps)}
-                | (_told_misfit(ahead.misfit[name]) if name in ahead.misfit else {})
+                | (ahead.misfit[name].told if name in ahead.misfit else {})
                 for name in sorted(found)
                 for (kind, number), steps in [(name, found[name])]
             ],
@@ -548,6 +548,7 @@ class AimingBench:
             "redo": redo,
         }
         self.board.tell("marks", told)
+        self.changed()
 
     def _tell_change(self, change: Any) -> None:
         """Show what was taken back or repeated, in its view."""
@@ -556,12 +557,6 @@ class AimingBench:
         if change.view != self.view:
             self._choose_view({"name": change.view})
         self._tell_marks()
-
-
-def _told_misfit(misfit: MarkMisfit) -> dict[str, Any]:
-    """Tell how far a mark lies off; marks without any error would make no usual distance."""
-    usual = misfit.usual if np.isfinite(misfit.usual) else None
-    return {"off": misfit.off, "usual": usual, "beside": misfit.beside}
 
 
 def places_within(full: Acquisition) -> int:

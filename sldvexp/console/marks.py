@@ -156,6 +156,11 @@ class AimedMarks:
         self._done: list[MarkChange] = []
         self._undone: list[MarkChange] = []
 
+    @property
+    def every(self) -> dict[str, dict[Name, Steps]]:
+        """Marks of all views that have any."""
+        return {view: dict(marks) for view, marks in self._found.items() if marks}
+
     def of(self, view: str) -> dict[Name, Steps]:
         """Give the marks of a view."""
         return dict(self._found.get(view, {}))

@@ -47,6 +47,12 @@ class MarkMisfit:
     usual: float
     beside: bool
 
+    @property
+    def told(self) -> dict[str, float | bool | None]:
+        """What the page shows; of a mark that is nowhere off there is no usual distance."""
+        usual = self.usual if math.isfinite(self.usual) else None
+        return {"off": self.off, "usual": usual, "beside": self.beside}
+
 
 def misfits_of(
     aiming: Aiming, marks: Mapping[str, Steps], alone: Callable[[], Aiming]
@@ -70,7 +76,7 @@ def misfits_of(
     for name, (left, dof, expected) in cost.items():
         off = float(np.hypot(*np.subtract(marks[name], expected)))
         usual = off * math.sqrt(LARGEST / added[name]) if added[name] else math.inf
-        agree = dof == 0 or chi_square_p_value(left, dof) >= ODD
+        agree = dof == 0 or bool(chi_square_p_value(left, dof) >= ODD)
         beside = added[name] > LARGEST and (agree or added[name] == most)
         found[name] = MarkMisfit(expected, off, usual, beside)
     return found

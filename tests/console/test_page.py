@@ -126,14 +126,28 @@ def test_a_problem_moves_nothing_and_goes_with_the_next_action(page):
     page.until(lambda: not page.text("said"))
 
 
-def test_keys_do_what_they_say_after_a_view_is_chosen(page):
-    page.js("document.getElementById('view').focus()")
+def test_views_are_walked_by_arrows_which_move_no_mirror_and_chosen_by_enter(page):
+    focused = "return document.activeElement.dataset.name ?? document.activeElement.id"
+    first, beam = page.view, page.beam
+    page.js("document.querySelector('#view [tabindex=\"0\"]').focus()")
+    walked = []
+    for key in ("ArrowDown", "ArrowRight", "ArrowDown", "ArrowUp", "End", "ArrowDown", "Home"):
+        page.key(key)
+        walked.append(page.js(focused))
+    assert walked == ["2", "3", "4", "3", "5", "5", "1"]
+    assert (page.view, page.beam) == (first, beam)
+    page.key("ArrowLeft")  # there is none before the first
     page.key("ArrowDown")
-    page.until(lambda: page.js("return document.activeElement.id") == "field")
+    page.key("Enter")
+    page.until(lambda: page.view == "2")
+    assert page.js(focused) == "field"
     page.key("ArrowUp")
     page.until(lambda: page.beam != (0, 0))
-    page.js("document.getElementById('view').focus()")
+    page.js("document.querySelector('#view [tabindex=\"0\"]').focus()")
+    assert page.js(focused) == "2"
     page.key("ArrowUp")
+    page.key(" ")
+    page.until(lambda: page.view == "1")
 
 
 def test_the_beam_is_brought_into_view(page):

@@ -83,7 +83,7 @@ def test_one_point_shifts_a_rough_pose_as_far_as_needed_and_no_other_point_gets_
 def test_point_that_no_correction_can_explain_is_named():
     behind = np.array([[0.0, 0.0, 2.0], [0.0, 0.1, -2.0]])
     pose = np.eye(3), np.zeros(3)
-    with pytest.raises(UserError, match="^circle 7 lies behind the instrument"):
+    with pytest.raises(UserError, match=r"^circle 7 lies behind the instrument"):
         corrected_pose(behind, np.zeros((2, 2)), *pose, TwoMirror(), ["circle 3", "circle 7"])
 
 
