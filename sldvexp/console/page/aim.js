@@ -291,9 +291,9 @@ export class Aim {
     context.font = `bold ${13 * size}px sans-serif`;
     this.drawRegion(context, at);
     const open = (this.marks.predicted ?? []).filter((mark) => !this.at(mark)).map((mark) => ({ ...mark, colour: "#19a3a3", text: `${nameOf(mark)}?` }));
-    const drawn = [...open, ...this.marks.marks.map((mark) => ({ ...mark, colour: "#2f9e3f", text: nameOf(mark) }))].map((mark) => ({ ...mark, at: at(mark.dac) }));
+    const drawn = [...open, ...this.marks.marks.map((mark) => ({ ...mark, colour: "#2f9e3f", text: nameOf(mark) }))].map((mark) => ({ ...mark, at: at(mark.dac) })).filter((mark) => mark.at[0] >= 0 && mark.at[1] >= 0 && mark.at[0] <= width && mark.at[1] <= height);
     for (const mark of drawn) drawMark(context, mark.at, mark.kind, mark.colour, size);
-    this.names = placeNames(context, drawn, (this.marks.outlines ?? []).map(({ points }) => points.map(at)), size);
+    this.names = placeNames(context, drawn, (this.marks.outlines ?? []).map(({ points }) => points.map(at)), at(this.beam), size);
     for (const { text, kind, colour, box } of this.names) drawName(context, text, kind === "corner" ? CORNER : colour, box);
     const [x, y] = at(this.beam);
     for (const [colour, thick] of [["#fff", 4], ["#c00000", 2]]) {
@@ -422,8 +422,7 @@ function drawn(kind, attributes, ...content) {
 function offTold(set) {
   if (set?.off === undefined) return "";
   const off = set.off.toFixed(0);
-  if (set.beside) return `${off}, not within ${set.usual.toFixed(0)}`;
-  return set.usual === null ? off : `${off}, within ${set.usual.toFixed(0)}`;
+  return set.usual === null ? off : `${off} ${set.beside ? ">" : "≤"} ${set.usual.toFixed(0)}`;
 }
 
 /** Name a mark, in the list and on the map alike. */
@@ -460,28 +459,32 @@ function drawName(context, text, colour, [left, , , bottom]) {
 /** Find a box for each name beside what it names: past the outline that its mark stands in, and off
  * all other marks, names and outlines. Of all places that cover as little as can be the nearest is
  * taken; a name that is drawn sooner does not move for a later one. */
-export function placeNames(context, marks, outlines, size) {
+function placeNames(context, marks, outlines, beam, size) {
   const arm = 8 * size, tall = 11 * size, { width, height } = context.canvas;
-  const filled = marks.map(({ at: [x, y] }) => [x - arm, y - arm, x + arm, y + arm]);
+  const around = ([x, y], reach) => [x - reach, y - reach, x + reach, y + reach];
+  const filled = [...marks.map((mark) => around(mark.at, arm)), around(beam, 14 * size)];
   const rims = outlines.filter((points) => points.length).map((points) => [Math.min(...points.map(([x]) => x)), Math.min(...points.map(([, y]) => y)), Math.max(...points.map(([x]) => x)), Math.max(...points.map(([, y]) => y))]);
   const area = ([a, b, c, d]) => (c - a) * (d - b);
   const covered = ([a, b, c, d], [e, f, g, h]) => Math.max(0, Math.min(c, g) - Math.max(a, e)) * Math.max(0, Math.min(d, h) - Math.max(b, f));
   const inside = ([x, y], [a, b, c, d]) => x > a && x < c && y > b && y < d;
   // Outlines of circles are covered by no name; that of the structure may have names within it.
   const small = rims.filter((rim) => marks.some(({ at, kind }) => kind === "circle" && inside(at, rim)) && area(rim) < width * height / 16);
+  const away = ([x, y], [a, b, c, d]) => Math.hypot(Math.max(a - x, 0, x - c), Math.max(b - y, 0, y - d));
   const placed = [];
   for (const mark of marks) {
-    const wide = context.measureText(mark.text).width, [x, y] = mark.at;
+    const wide = context.measureText(mark.text).width;
     const own = mark.kind === "circle" ? small.find((rim) => inside(mark.at, rim)) : undefined;
-    const [a, b, c, d] = own ?? [x - arm, y - arm, x + arm, y + arm];
+    const [a, b, c, d] = own ?? around(mark.at, arm);
     let best = null;
-    for (const gap of [3 * size, 3 * size + tall, 3 * size + 2 * tall]) {
+    for (const gap of [0, 1, 2, 3].map((times) => 3 * size + times * tall)) {
       const middle = [(a + c - wide) / 2, (b + d - tall) / 2];
       for (const [left, top] of [[c + gap, b - tall], [c + gap, middle[1]], [middle[0], d + gap], [middle[0], b - gap - tall], [a - gap - wide, middle[1]], [a - gap - wide, b - tall], [c + gap, d], [a - gap - wide, d]]) {
         const box = [left, top, left + wide, top + tall];
         const out = area(box) - covered(box, [0, 0, width, height]);
         const cost = [...filled, ...small, ...placed.map((name) => name.box)].reduce((sum, other) => sum + covered(box, other), 2 * out);
-        if (!best || cost < best.cost) best = { cost, box };
+        // A name that lies nearer to another mark would name that one.
+        const misled = marks.some((other) => other !== mark && away(other.at, box) <= away(mark.at, box)) ? area(box) / 2 : 0;
+        if (!best || cost + misled < best.cost) best = { cost: cost + misled, box };
       }
     }
     placed.push({ ...mark, box: best.box });
