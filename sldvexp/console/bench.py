@@ -102,6 +102,7 @@ class AimingBench:
         self.steered = False
         self.further: dict[str, Callable[[Wish], None]] = {}
         self.answered: Callable[[], None] = lambda: None
+        self.changed: Callable[[], None] = lambda: None  # told of the marks
         self._opened = ExitStack()
         self._instrument: Instrument | None = None
         self._set: Acquisition | None = None
@@ -526,7 +527,7 @@ class AimingBench:
             "kind": self.kind,
             "marks": [
                 {"kind": kind, "number": number, "dac": list(steps)}
-                | ({"residual": ahead.residual[name]} if name in ahead.residual else {})
+                | (ahead.misfit[name].told if name in ahead.misfit else {})
                 for name in sorted(found)
                 for (kind, number), steps in [(name, found[name])]
             ],
@@ -547,6 +548,7 @@ class AimingBench:
             "redo": redo,
         }
         self.board.tell("marks", told)
+        self.changed()
 
     def _tell_change(self, change: Any) -> None:
         """Show what was taken back or repeated, in its view."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import queue
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 
@@ -16,6 +16,8 @@ from sldvexp.config.paths import RUN_FILE
 from sldvexp.console.afterwards import Advice, Advise
 from sldvexp.console.bench import AimingBench, Wish
 from sldvexp.console.board import NoticeBoard
+from sldvexp.console.keeping import EarlierScan, KeptViews, ScanAhead, scan_ahead
+from sldvexp.console.marks import FIDUCIAL, Name, Steps
 from sldvexp.console.scanning import Asked, Scanning
 from sldvexp.console.server import Server
 from sldvexp.console.written import CHOICE, command_with, settings_with, write_experiment
@@ -35,6 +37,8 @@ PATIENCE = 30.0
 BEGINS = "The scan begins: the configuration is read and the instrument is opened …"
 #: Scan of which nothing is going on.
 AT_REST = {"running": False, "paused": False, "part": 0.0, "facts": {}, "resume": ""}
+#: Places at which a run goes on.
+AS_BEGUN = "Go on scans what is missing, at the places with which that run was begun"
 #: How a kept scan goes on in the console itself, before the command that does it without.
 HERE = "Go on does that here, or once this console has ended:"
 #: Runs settings with a watcher and an operator; the run's folder.
@@ -90,11 +94,12 @@ class Console:
         self._advising: list[threading.Thread] = []
         self._ours: dict[Path, str] = {}  # files that were written, as they were
         self._unfinished, self._added = unfinished, list(added)
+        self._earlier: EarlierScan | None = None  # the last one, of which the next keeps views
         self._warned = ""  # contradiction of marks of which was told at Scan
         self._shown = 0  # how often a tab was
         self._last: Scanning | None = None  # scan that has ended
         self._end: BaseException | None = None  # why, if it was not done
-        self.bench.answered = self._answered
+        self.bench.answered, self.bench.changed = self._answered, self._tell_ahead
         self.bench.further = {
             "write": self._write,
             "scan": self._scan,
@@ -108,6 +113,7 @@ class Console:
             told = f"The run in {unfinished} was cut off: Go on scans what is missing."
             self.board.tell("scan", {**AT_REST, "told": told, "resumable": True})
             self._show("scan")
+        self._tell_ahead()
 
     @property
     def address(self) -> str:
@@ -173,7 +179,29 @@ class Console:
             raise UserError(f"{told}; or Scan again, which scans with the marks as they are")
         scan = self.bench.settings()
         settings = self._written(wish) if scan else self.settings
-        self._run_it(settings, self._compose(settings) if scan else self.experiment)
+        experiment = self._compose(settings) if scan else self.experiment
+        keep = [] if wish.get("anew") is True else self._ahead().keep
+        kept = None
+        if keep and self._earlier is not None:
+            kept = KeptViews(self._earlier, keep, experiment)
+        self._run_it(settings, experiment, kept=kept)
+
+    def _ahead(self) -> ScanAhead:
+        """Say which views Scan would take, and which it would keep."""
+        marked = self.bench.marks.every
+        names = dict.fromkeys([*self.experiment.scan.view_names(), *self.bench.views])
+        own = set(self.experiment.scan.view_names()) | marked.keys()
+        return scan_ahead([name for name in names if name in own], marked, self._earlier)
+
+    def _tell_ahead(self) -> None:
+        """Tell what Scan would do, and whether Go on counts what is aimed anew."""
+        ahead, last, marked = self._ahead(), self._earlier, self.bench.marks.every
+        changed = (v for v in self.bench.views if last and last.changed(v, marked.get(v, {})))
+        views = list(changed)
+        label = ahead.label
+        told = f"{AS_BEGUN}{_not_counted(views, label, FIDUCIAL in self.bench.wanted)}"
+        word = {"label": label, "keep": ahead.keep, "changed": views}
+        self.board.tell("ahead", {**word, "go_on": told if self._unfinished is not None else ""})
 
     def _go_on(self, wish: Wish) -> None:
         """Go on with the run that failed or was stopped, or that was cut off before."""
@@ -185,11 +213,19 @@ class Console:
         self._run_it(settings, experiment, folder)
 
     def _run_it(
-        self, settings: Sequence[str], experiment: Experiment, begun: Path | None = None
+        self,
+        settings: Sequence[str],
+        experiment: Experiment,
+        begun: Path | None = None,
+        kept: KeptViews | None = None,
     ) -> None:
         """Run settings, and tell what becomes of it; a run that was begun can go on until done."""
         self.bench.leave()  # the run opens the instrument for itself
-        scanning = Scanning(experiment, self.board, self.wishes, self._advise, self._tell_advice)
+        advised = self._advise, self._tell_advice
+        scanning = Scanning(experiment, self.board, self.wishes, *advised, kept)
+        marks: Mapping[str, Mapping[Name, Steps]] = self.bench.marks.every
+        if begun is not None:  # at whose places that run was begun, which are those of its file
+            marks = self._earlier.marks if self._earlier is not None else {}
         self._show("scan")
         self.board.tell("scan", {**AT_REST, "told": BEGINS, "resumable": False})
         self.board.tell(
@@ -222,6 +258,10 @@ class Console:
         finally:
             scanning.end(why, resumable=self._unfinished is not None)
             self._last = scanning
+            if scanning.folder is not None:
+                views = tuple(sorted(scanning.whole)), tuple(sorted(scanning.begun))
+                self._earlier = EarlierScan(scanning.folder, experiment, *views, marks)
+            self._tell_ahead()
             if isinstance(self._end, EndedScanError) and self._end.not_home:
                 self.bench.doubt()
             if scanning.lost:
@@ -289,3 +329,13 @@ class Console:
     def _ended(self, why: str, problem: bool = False) -> None:
         self.board.tell("result", {"told": why, "page": False})
         self.bench.say(why, problem)
+
+
+def _not_counted(views: Sequence[str], label: str, by_hand: bool) -> str:
+    """Say of views that are aimed otherwise by now what Go on makes of it."""
+    if not views:
+        return "."
+    named = f"view{'s' * (len(views) > 1)} {', '.join(views)}"
+    if by_hand:  # a person points again, and the last answer counts
+        return f"; marks of {named} that were taken since count in place of the older ones."
+    return f"; what was marked since in {named} does not count. For that: {label}, at Aim."

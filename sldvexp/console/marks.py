@@ -79,6 +79,16 @@ def wanted(experiment: Experiment) -> dict[str, list[int]]:
     return found
 
 
+def circle_numbers(experiment: Experiment, view: str) -> list[int]:
+    """List the numbers of a view's circles in the order of its scan; none if nobody knows them."""
+    for part in experiment.scan.parts(view):
+        if isinstance(part, CalibrationScan):
+            given = part.views[view]
+            searched = given.pose is not None and isinstance(experiment.target, Circles)
+            return list(experiment.target.circles) if searched else given.circles
+    return []
+
+
 def view_names(experiment: Experiment) -> list[str]:
     """List the views to aim in: the scan's own, those of the virtual lab, or one."""
     own = experiment.scan.view_names()
@@ -146,6 +156,11 @@ class AimedMarks:
         self._done: list[MarkChange] = []
         self._undone: list[MarkChange] = []
 
+    @property
+    def every(self) -> dict[str, dict[Name, Steps]]:
+        """Marks of all views that have any."""
+        return {view: dict(marks) for view, marks in self._found.items() if marks}
+
     def of(self, view: str) -> dict[Name, Steps]:
         """Give the marks of a view."""
         return dict(self._found.get(view, {}))
@@ -189,7 +204,9 @@ class AimedMarks:
                     found = self.numbers(view, kind)
                     views[view] = {"hidden": [n for n in numbers[kind] if n not in found]}
                 elif places:
-                    views[view] = {KEYS[kind]: places}
+                    views[view] = {KEYS[kind]: [list(steps) for steps in places.values()]}
+                    if kind == CIRCLE:
+                        views[view]["circles"] = list(places)
             if views:
                 (made.setdefault(key, {}) if key else made)["views"] = views
         return made
@@ -204,12 +221,12 @@ class AimedMarks:
         changed = {c.name[1] for c in self._done if c.view == view and c.name[0] == FIDUCIAL}
         return AimedPerson(found, changed - found.keys()) if found else None
 
-    def _places(self, view: str, kind: str, predicted: Mapping[Name, Steps]) -> list[list[int]]:
-        """List a view's places of a kind, by their numbers."""
+    def _places(self, view: str, kind: str, predicted: Mapping[Name, Steps]) -> dict[int, Steps]:
+        """Give a view's places of a kind, in the order of their numbers."""
         found = self._found.get(view, {})
         foreseen = predicted if found and kind in (CIRCLE, CORNER) else {}
         every = {**foreseen, **found}
-        return [list(every[name]) for name in sorted(every) if name[0] == kind]
+        return {name[1]: every[name] for name in sorted(every) if name[0] == kind}
 
     def _step(
         self, source: list[MarkChange], sink: list[MarkChange], forwards: bool

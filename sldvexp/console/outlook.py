@@ -22,6 +22,7 @@ import numpy as np
 
 from sldvexp.config.experiment import Experiment
 from sldvexp.console.marks import CIRCLE, CORNER, FIDUCIAL, Name, Steps, configured, parts_of
+from sldvexp.console.misfit import MarkMisfit, misfits_of
 from sldvexp.errors import UserError
 from sldvexp.geometry import KnownPose, euler_from_rotation, rotation_from_euler
 from sldvexp.laser import beyond_told, corrected_pose
@@ -58,8 +59,8 @@ class Foresight:
     ----------
     predicted : dict of (kind, number) to pair
         DAC steps of places, also of those that are marked.
-    residual : dict of (kind, number) to float
-        Steps by which a mark is off where the others put it.
+    misfit : dict of (kind, number) to MarkMisfit
+        Marks beside where the others put them.
     outlines : list of ndarray, shape (point, 2), steps
     out : dict of (kind, number) to str
         Places that are not marked and cannot be: what they are instead.
@@ -70,7 +71,7 @@ class Foresight:
     """
 
     predicted: dict[Name, Steps] = field(default_factory=dict)
-    residual: dict[Name, float] = field(default_factory=dict)
+    misfit: dict[Name, MarkMisfit] = field(default_factory=dict)
     outlines: list[Array] = field(default_factory=list)
     out: dict[Name, str] = field(default_factory=dict)
     told: str = ""
@@ -121,7 +122,7 @@ class Outlook:
         """Tell the same, without what cannot be aimed at."""
         known = {name: steps for name, steps in marks.items() if name in self.places}
         rough = self.rough.get(view)
-        aiming = Aiming(self.laser, list(self.places.values()), self._pointing(), rough)
+        aiming = self._aiming(rough)
         for name, steps in known.items():
             aiming.take(self.places[name].name, steps)
         refuted = aiming.refuted
@@ -134,11 +135,13 @@ class Outlook:
             told = aiming.weakness() or wrong or self._more(len(known), view)
             return Foresight(told=told, wrong=wrong)
         found = self._foreseen(aiming.poses, view)
+        misfits = misfits_of(aiming, aiming.taken, self._aiming)
         for name, place in self.places.items():
-            if name in marks and (off := aiming.residual(place.name)) is not None:
-                found.residual[name] = float(np.hypot(*off.steps))
-            with suppress(UserError):  # the mirrors do not reach it, or nobody knows yet
-                if name not in found.out or name in marks:
+            if place.name in misfits:
+                found.misfit[name] = misfits[place.name]
+                found.predicted[name] = misfits[place.name].expected
+            elif name not in found.out and name not in marks:
+                with suppress(UserError):  # the mirrors do not reach it, or nobody knows yet
                     found.predicted[name] = aiming.predict(place.name).steps
         std = np.sqrt(np.diag(aiming.pose.covariance)[3:]).max()
         told = f"The instrument stands at about {_metres(aiming.pose.origin, std)}."
@@ -146,6 +149,10 @@ class Outlook:
         doubt = found.wrong or aiming.weakness()
         found.told = f"{told} But {doubt}." if doubt else told
         return found
+
+    def _aiming(self, rough: KnownPose | None = None) -> Aiming:
+        """Begin to aim at all places."""
+        return Aiming(self.laser, list(self.places.values()), self._pointing(), rough)
 
     def _more(self, known: int, view: str) -> str:
         """Say what marks are for, before there are enough of them."""
@@ -177,7 +184,8 @@ class Outlook:
             points = np.array([self.places[name].position for name in known])
             with suppress(UserError):  # marks that no pose near this one explains
                 dac = np.array(list(known.values()), float)
-                pose = corrected_pose(points, dac, *pose, self.laser)
+                names = [self.places[name].name for name in known]
+                pose = corrected_pose(points, dac, *pose, self.laser, names)
         likely = RoughPose(*pose, np.zeros((6, 6)), cost=0, dof=0, probability=1)
         found = self._foreseen([likely], view)
         place = f"the instrument stands at about {_metres(pose[1])}."

@@ -16,14 +16,16 @@ from pathlib import Path
 from typing import Any
 
 from sldvexp.config.experiment import Experiment
+from sldvexp.config.paths import JOURNAL
 from sldvexp.console.afterwards import Advice, Advise, Afterwards
 from sldvexp.console.board import NoticeBoard
-from sldvexp.console.marks import AimedMarks, AimedPerson
+from sldvexp.console.keeping import KeptViews
+from sldvexp.console.marks import AimedMarks, AimedPerson, circle_numbers
 from sldvexp.console.painting import Painter
 from sldvexp.lazy import xarray as xr
 from sldvexp.pipeline.run_progress import ScanProgress
 from sldvexp.progress import span
-from sldvexp.session import LineDone, Operator, ViewAhead, Watcher, Wish
+from sldvexp.session import Journal, LineDone, Operator, ViewAhead, Watcher, Wish
 from sldvexp.session.interruption import resume_here
 from sldvexp.session.watching import in_words
 
@@ -46,11 +48,17 @@ class Scanning(Watcher):
         Says what to do after a view, see `sldvexp.console.afterwards`.
     advised : callable, optional
         Gets that.
+    kept : KeptViews, optional
+        Views that are not scanned, since another run has.
 
     Attributes
     ----------
     stopped, lost, paused : bool
         Whether the controller has stopped it, has gone, and lets it wait.
+    whole, begun : set of str
+        Views of which everything is there, and of which anything is.
+    folder : Path or None
+        Of its run, once that is known.
     """
 
     def __init__(
@@ -60,9 +68,12 @@ class Scanning(Watcher):
         wishes: queue.Queue[dict[str, Any]],
         advise: Advise | None = None,
         advised: Callable[[Advice], None] | None = None,
+        kept: KeptViews | None = None,
     ) -> None:
-        self.board, self.wishes = board, wishes
+        self.board, self.wishes, self._experiment = board, wishes, experiment
         self.stopped = self.lost = self.paused = False
+        self.whole: set[str] = set(kept.views if kept else [])
+        self._kept, self.begun = kept, set(self.whole)
         self._running, self._between, self._why = True, False, ""
         self._resumable = False
         self._rest: Callable[[], None] | None = None
@@ -81,7 +92,14 @@ class Scanning(Watcher):
     def run_begun(self, folder: Path) -> None:
         """See `Watcher`."""
         self._folder = folder.absolute()
+        if self._kept is not None:
+            self._kept.copy_to(self._folder)
         self._tell()
+
+    @property
+    def folder(self) -> Path | None:
+        """Folder of its run, once that is known."""
+        return self._folder
 
     def step_begun(self, name: str, number: int, count: int) -> None:
         """See `Watcher`."""
@@ -101,6 +119,7 @@ class Scanning(Watcher):
     def view_begun(self, view: ViewAhead) -> None:
         """See `Watcher`."""
         self._view, self._rest, self._last = view, None, None
+        self.begun.add(view.name)
         with self._lock:
             if self._progress is not None:
                 self._progress.view_begun(view)
@@ -123,6 +142,8 @@ class Scanning(Watcher):
         with self._lock:
             if self._progress is not None:
                 self._progress.view_done(view)
+        if self._folder is None or Journal(self._folder / JOURNAL / view.name).left is None:
+            self.whole.add(view.name)  # the rest of it was not skipped
         self._afterwards.view_done(view.name, groups)
 
     def between_lines(self, view: str, lines: str, done: int, count: int) -> Wish:
@@ -243,13 +264,16 @@ class Scanning(Watcher):
         facts: dict[str, str] = {"step": self._step}
         if self._folder is not None:
             facts["kept in"] = str(self._folder)
+        if self._kept is not None:
+            facts["not scanned anew"] = self._kept.told
         view, line = self._view, self._last
         if view is not None and total:
             facts["view"] = f"{view.name}, {view.number} of {view.count}"
             facts["pixels"] = f"{done} of {total}"
         if line is not None:
             velocity, reference = line.level
-            facts["line"] = in_words(line.lines, line.number, line.count)
+            circles = circle_numbers(self._experiment, line.view)
+            facts["line"] = in_words(line.lines, line.number, line.count, circles)
             facts["level"] = f"velocity {velocity:.3g} V, reference {reference:.3g} V"
         for flag, count in list(self._painter.flagged.items()) if total else ():
             if count:

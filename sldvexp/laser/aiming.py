@@ -134,6 +134,7 @@ def corrected_pose(
     rotation: Array,
     origin: Array,
     laser: TwoMirror,
+    names: list[str],
     std: ArrayLike = FOUND,
 ) -> tuple[Array, Array]:
     """Correct a rough pose by points of the world that were found at DAC steps.
@@ -145,6 +146,8 @@ def corrected_pose(
     dac : array_like, shape (N, 2), steps
     rotation, origin : ndarray
         The rough pose, wrong by as much as `ROUGH` says.
+    names : list of str, length N
+        Of the points in messages.
     std : array_like, broadcastable to (N, 2), steps
         Standard deviations of what was found.
 
@@ -158,12 +161,11 @@ def corrected_pose(
     The beam met a point 100 steps to the left of where a pose without error has it:
 
     >>> point, laser = [[0, 0, 2.0]], TwoMirror()
-    >>> rotation, origin = corrected_pose(point, [[0, 100]], np.eye(3), np.zeros(3), laser)
-    >>> dac_of_points(point, rotation, origin, laser, ["it"]).round() + 0.0
+    >>> pose = corrected_pose(point, [[0, 100]], np.eye(3), np.zeros(3), laser, ["mark 1"])
+    >>> dac_of_points(point, *pose, laser, ["mark 1"]).round() + 0.0
     array([[  0., 100.]])
     """
     at, found = np.asarray(points, float), np.asarray(dac, float)
-    names = [f"point {i}" for i in range(len(at))]
     turned, there, gone = rotation, np.array(origin, float), np.zeros(6)
     error = np.broadcast_to(np.asarray(std, float), found.shape).ravel()
     for _ in range(ITERATIONS):

@@ -117,7 +117,10 @@ class _Problem:
         pose = self.rough.rotation, self.rough.place
         if not len(by):
             return pose
-        return corrected_pose(self.points[by], self.dac[by], *pose, self.laser, self.error[by])
+        names = ["it"] * len(by)
+        return corrected_pose(
+            self.points[by], self.dac[by], *pose, self.laser, names, self.error[by]
+        )
 
     def cost(self, of: IndexArray) -> float:
         """Sum the squares of what some marks miss, and of the correction that they want."""

@@ -107,6 +107,9 @@ class Centres:
     dac : list of pairs
     path : str
         A legacy file of them (`Scan6pt`), instead.
+    circles : list of int
+        Numbers of the target's circles at these, in their order, as far as is known: so they are
+        called. Without them a rough centre is called by its steps.
     pose : KnownPose, optional
         Where the instrument roughly stands, instead: it predicts the circles of the group
         ``target``, which are searched from there.
@@ -115,6 +118,8 @@ class Centres:
     dac: list[list[int]] = field(default_factory=list)
     path: str = ""
     pose: KnownPose | None = None
+    # A name changes nothing that is measured: kept lines stay those of the same configuration.
+    circles: list[int] = field(default_factory=list, repr=False)
 
 
 @register("scan", "calibration")
@@ -159,6 +164,7 @@ class CalibrationScan(ScanPart):
                 alone = not (centres.dac or centres.path)
                 checks.require(alone, key, "give dac, path, or a rough pose, one of them")
                 check_rough_pose(checks, f"{key}.pose", pose)
+            self._check_numbers(checks, key, centres)
         checks.positive("margin", self.margin)
         self.coarse.check(checks, "coarse")
         self.fine.check(checks, "fine")
@@ -166,6 +172,14 @@ class CalibrationScan(ScanPart):
         told = "must be sine: the edges of circles are found by the phase of one frequency"
         checks.require(not self.sampling.broadband, "sampling.excitation", told)
         checks.done()
+
+    @staticmethod
+    def _check_numbers(checks: Checks, key: str, centres: Centres) -> None:
+        """Note under `key` numbers of circles that are not one for each rough centre."""
+        numbers = centres.circles
+        each = len(numbers) == len(centres.dac) and len(set(numbers)) == len(numbers)
+        told = f"must be one number for each pair of {key}.dac, none twice, not {numbers}"
+        checks.require(not numbers or each, f"{key}.circles", told)
 
     def in_steps(
         self,

@@ -12,6 +12,7 @@ from functools import partial
 
 import numpy as np
 
+from sldvexp.dataset import Finding, Severity
 from sldvexp.errors import UserError
 from sldvexp.geometry import KnownPose
 from sldvexp.instrument import Instrument
@@ -54,14 +55,23 @@ def record_marks(scan: ByHand, at: ViewContext) -> dict[str, xr.Dataset]:
     """
     hidden = scan.views[at.view].hidden
     marks = {m.number: m for m in known_marks(scan, at.target) if m.number not in hidden}
-    steps = _Answers(at, marks, scan.views[at.view].pose).all()
+    answers = _Answers(at, marks, scan.views[at.view].pose)
+    steps, changes = answers.all(), answers.changes()
+    v = at.view
+    at.findings.extend(
+        Finding("aimed_anew", f"view {v}", f"in view {v}, {told}", Severity.note, views=(v,))
+        for told in changes
+    )
     found = [(mark, steps[number]) for number, mark in marks.items() if steps[number] is not None]
     if not found:
         raise UserError(f"scan: none of the marks can be seen from the view {at.view}")
     numbers = np.array([mark.number for mark, _ in found])
     position = np.array([mark.position for mark, _ in found])
     std = np.array([mark.std for mark, _ in found])
-    return _group(at, numbers, position, std, np.array([dac for _, dac in found], float))
+    made = _group(at, numbers, position, std, np.array([dac for _, dac in found], float))
+    for group in made.values():
+        group.attrs |= {"summary": "\n".join(changes)} if changes else {}
+    return made
 
 
 class _Answers:
@@ -79,6 +89,7 @@ class _Answers:
         self._opened = ExitStack()
         self._beam = HOME
         self._again: dict[int, Steps] = {}  # where marks were found that are open again
+        self._kept: dict[int, Steps | None] = {}  # answers of the journal, as they were at first
 
     def all(self) -> dict[int, Steps | None]:
         """Give the steps of all marks, None for those that cannot be seen."""
@@ -93,8 +104,19 @@ class _Answers:
                 except TakenBackError as back:
                     self._take_back(back.number)
 
+    def changes(self) -> list[str]:
+        """Say which marks stand elsewhere than the journal had them at first."""
+        return [
+            f"{mark_label(number)} counts as it was aimed last, {_told(self._steps[number])}, in "
+            f"place of {_told(before)}"
+            for number, before in self._kept.items()
+            if number in self._steps and self._steps[number] != before
+        ]
+
     def _review(self) -> None:
         """Let somebody look at all marks: who has just pointed, or who goes on with wrong ones."""
+        # Who has aimed before goes before what was kept, also where that gives no trouble.
+        self._person = self._person or self._at.operator.person(self._at.view)
         if self._guide is not None and self._guide.trouble():
             self._person = self._person or self._who_aims()
         if isinstance(self._person, Reviewer):
@@ -111,14 +133,20 @@ class _Answers:
 
     def _answer(self, mark: Mark) -> Steps | None:
         """Look an answer up, or let a person aim, at other steps than those of other marks."""
+        asked = False
 
         def aim() -> Steps | None:
+            nonlocal asked
+            asked = True
             self._person = self._person or self._who_aims()
             return self._person.aim(mark, self._start(mark))
 
         journal = self._at.camera.journal
         kept = journal.answer(mark_name(mark.number), mark.position.tolist(), aim)
-        return None if kept is None else (kept[0], kept[1])
+        steps = None if kept is None else (kept[0], kept[1])
+        if not asked:
+            self._kept.setdefault(mark.number, steps)
+        return steps
 
     def _note(self, number: int, steps: Steps | None) -> None:
         self._steps[number] = steps
@@ -151,7 +179,8 @@ class _Answers:
         try:
             if taken:
                 at = [self._marks[number].position for number in taken.values()]
-                pose = corrected_pose(at, list(taken), *pose, laser)
+                names = [mark_label(number) for number in taken.values()]
+                pose = corrected_pose(at, list(taken), *pose, laser, names)
             steps = dac_of_points(mark.position[None], *pose, laser, [mark_label(mark.number)])[0]
         except UserError:  # out of the mirrors' reach, as a mark that is hidden may be
             return self._beam
@@ -244,6 +273,11 @@ def _digitise(
     """Send the beam to its DAC steps and measure where it falls, in m."""
     at.camera.instrument.move(steps)
     return person_at(at, scan.unit).digitise(spot, scan.samples)
+
+
+def _told(steps: Steps | None) -> str:
+    """Say where a mark was found."""
+    return "hidden" if steps is None else f"{steps[0]} {steps[1]}"
 
 
 def _group(

@@ -67,7 +67,7 @@ def scan_calibration(scan: CalibrationScan, at: ViewContext) -> dict[str, xr.Dat
     rough = scan.views[at.view].pose
     at.camera.sample(scan.sampling)
     try:
-        circles = search_circles(scan, at) if rough else [*map(RoughCircle, scan.centres(at.view))]
+        circles = search_circles(scan, at) if rough else _given_circles(scan, at)
     except UserError as error:
         raise UserError(f"scan: in the view {at.view}, {error}") from None
     if isinstance(at.target, Circles) and len(circles) != len(at.target.circles):
@@ -83,6 +83,27 @@ def scan_calibration(scan: CalibrationScan, at: ViewContext) -> dict[str, xr.Dat
         found = np.array([fit_circle(circle)[0].ellipse.centre for circle in edges])
         at.poses[at.view] = corrected_by_circles(found, rough, at)
     return {f"edge/{at.view}": edges_to_dataset(edges)}
+
+
+def _given_circles(scan: CalibrationScan, at: ViewContext) -> list[RoughCircle]:
+    """Take the rough centres that the configuration gives, with their circles' numbers if known.
+
+    Raises
+    ------
+    UserError
+        If the target has no circle of such a number.
+    """
+    centres, numbers = scan.centres(at.view), scan.views[at.view].circles
+    known = at.target.circles if isinstance(at.target, Circles) else {}
+    for number in numbers:
+        if number not in known:
+            raise UserError(
+                f"circles has the number {number}, but the calibration object's are "
+                f"{', '.join(map(str, known))}"
+            )
+    if not numbers:
+        return [*map(RoughCircle, centres)]
+    return [RoughCircle(*both) for both in zip(centres, numbers, strict=True)]
 
 
 def circle_lines(scan: CalibrationScan, view: str) -> dict[str, int]:
@@ -121,7 +142,8 @@ def scan_circles(
     looks = [_look(camera, scan, k, circle, laser) for k, circle in enumerate(circles, 1)]
     centres = np.array([circle.centre for circle in circles])
     require_circles(looks, camera.journal.folder, _other_board(centres, laser))
-    return [_edges(camera, scan, k, look, laser) for k, look in enumerate(looks, 1)]
+    pairs = enumerate(zip(looks, circles, strict=True), 1)
+    return [_edges(camera, scan, k, look, circle.name, laser) for k, (look, circle) in pairs]
 
 
 def _other_board(centres: IntArray, laser: TwoMirror) -> str:
@@ -147,14 +169,14 @@ def _look(
     dac = _on_board(across(circle.centre, stage.lines, stage.pixels, stride), laser)
     dac = _placed(camera, key, dac)
     image = camera.image(key, list(dac))
-    look = CoarseScan(circle.name, f"{key}_*", image, finer, circle.shade)
+    look = CoarseScan(circle.whereabouts, f"{key}_*", image, finer, circle.shade)
     look = replace(look, stage=stage, stride=stride, half_chord=circle.half_chord)
     most, inside = 0, np.mean(moving(image)) > NEARLY_ALL
     for every in THINNED:
         if every > 1 and (inside or stage.pixels < LEAST_PIXELS * every):
             break
         try:
-            lines = _lines(image, dac, circle.name, every)
+            lines = _lines(image, dac, circle.whereabouts, every)
             seen = gradient_edges(lines, 2, stage.window // every | 1)
             ellipse = fit_circle(seen, "algebraic")[0].ellipse
         except UserError as error:
@@ -171,7 +193,12 @@ def _look(
 
 
 def _edges(
-    camera: Camera, scan: CalibrationScan, number: int, look: CoarseScan, laser: TwoMirror
+    camera: Camera,
+    scan: CalibrationScan,
+    number: int,
+    look: CoarseScan,
+    name: str,
+    laser: TwoMirror,
 ) -> ScanLineEdges:
     """Scan fine lines around the ellipse of the coarse ones; the edges of the circle."""
     assert look.ellipse is not None
@@ -182,7 +209,7 @@ def _edges(
     fine = along_ellipse(look.ellipse.centre, axes, stage.lines, stage.pixels, look.finer)
     dac = _placed(camera, key, _on_board(fine, laser))
     image = camera.image(key, list(dac))
-    found = PLACE[scan.edge](_lines(image, dac, look.name), 1, scan.fine.window)
+    found = PLACE[scan.edge](_lines(image, dac, name), 1, scan.fine.window)
     try:
         fit_circle(found)
     except UserError as error:

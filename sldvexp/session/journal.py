@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import logging
 import re
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -145,6 +146,20 @@ class Journal:
         if path.exists():
             earlier = len(list(self.folder.glob(f".{name}.*.json")))
             path.replace(self.folder / f".{name}.{earlier + 1}.json")
+
+
+def adopt_view(folder: Path, source: Path) -> None:
+    """Copy what another run has kept of a view, as a whole or not at all.
+
+    Parameters
+    ----------
+    folder, source : Path
+        Of the view, in the one run and the other; `folder` is not there yet.
+    """
+    beside = folder.with_name(f".{folder.name}")
+    shutil.rmtree(beside, ignore_errors=True)
+    shutil.copytree(source, beside)
+    beside.replace(folder)
 
 
 def lines_kept(folder: Path) -> dict[str, int]:

@@ -95,7 +95,7 @@ class RoughCircle:
     ----------
     centre : ndarray of int, shape (2,), steps
     number : int, optional
-        Of the circle; only a rough pose tells which of them it is.
+        Of the circle, where a rough pose or the scan tells which of them it is.
     half_chord : ndarray, shape (line,), steps, optional
         How far its edge is from its middle along each coarse line.
     shade : str
@@ -109,7 +109,12 @@ class RoughCircle:
 
     @property
     def name(self) -> str:
-        """Name for messages, as in "circle 2, around DAC steps (10, 20)"."""
+        """Name for what is said of its edge: "circle 2", or as `whereabouts`."""
+        return self.whereabouts if self.number is None else f"circle {self.number}"
+
+    @property
+    def whereabouts(self) -> str:
+        """Name for faults, as in "circle 2, around DAC steps (10, 20)"."""
         what = "the circle" if self.number is None else f"circle {self.number},"
         return f"{what} around DAC steps ({self.centre[0]}, {self.centre[1]})"
 
@@ -227,7 +232,8 @@ class CircleSearch:
         centres = self.outlines[: len(found)].mean(axis=1)
         wide = np.array([self._predict(k, *pose).half_width for k in range(len(found))])
         std = np.maximum(FOUND, SPOT * wide)
-        return corrected_pose(centres, found, *pose, self.at.laser, std)
+        names = [f"circle {number}" for number in self.numbers[: len(found)]]
+        return corrected_pose(centres, found, *pose, self.at.laser, names, std)
 
     def _predict(self, k: int, rotation: Array, origin: Array) -> PredictedCircle:
         """Predict the image of a circle from points around its edge."""
@@ -287,7 +293,9 @@ def corrected_by_circles(centres: Array, rough: KnownPose, at: ViewContext) -> K
     """
     assert isinstance(at.target, Circles)
     points = at.target.outlines().mean(axis=1)
-    rotation, origin = corrected_pose(points, centres, rough.rotation, rough.place, at.laser)
+    names = [f"circle {number}" for number in at.target.circles]
+    pose = rough.rotation, rough.place
+    rotation, origin = corrected_pose(points, centres, *pose, at.laser, names)
     return KnownPose(euler_from_rotation(rotation).tolist(), origin.tolist())
 
 

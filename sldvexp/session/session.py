@@ -79,7 +79,7 @@ def scan_views(
     e = experiment
     watcher = watcher or Watcher()
     operator = operator or Operator(watcher)
-    require_same(journal, (e.seed, e.target, e.laser, e.scene, e.scan, type(e.instrument).__name__))
+    require_same(journal, measured_by(e))
     if not e.scan.view_names():
         raise ConfigError([Problem("scan.views", "needs at least one view")])
     in_steps = e.scan.in_steps(e.laser, e.target)
@@ -112,6 +112,12 @@ def scan_views(
     if told:
         found[first] = with_findings(found[first], told)
     return joined(found)
+
+
+def measured_by(experiment: Any) -> tuple[object, ...]:
+    """List everything of an experiment that decides what is measured."""
+    e = experiment
+    return (e.seed, e.target, e.laser, e.scene, e.scan, type(e.instrument).__name__)
 
 
 def _skipped(view: ViewAhead, done: int) -> Finding:

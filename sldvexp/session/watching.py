@@ -235,8 +235,14 @@ class Watcher:
         return nullcontext()
 
 
-def in_words(lines: str, number: int, count: int) -> str:
+def in_words(lines: str, number: int, count: int, circles: Sequence[int] = ()) -> str:
     """Say which line it is of those that are scanned together.
+
+    Parameters
+    ----------
+    circles : sequence of int
+        Numbers of the view's circles in the order in which they are scanned; without them their
+        places in it.
 
     Examples
     --------
@@ -246,6 +252,8 @@ def in_words(lines: str, number: int, count: int) -> str:
     first, _, stage = lines.partition("_")
     if first == SEARCH:
         return f"searching circles, ring {int(stage)}"
+    if stage and circles:
+        first = str(circles[int(first) - 1])
     named = f"circle {first}, {stage} line" if stage else "line"
     return f"{named} {number} of {count}"
 

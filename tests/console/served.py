@@ -137,6 +137,11 @@ class Page(Browser):
                     self.until(lambda before=before: self.beam != before)
 
     @property
+    def view(self) -> str:
+        """Name of the view that is chosen."""
+        return self.js("return document.querySelector('#view [aria-selected=true]').dataset.name")
+
+    @property
     def marks(self) -> int:
         """Number of marks that are set in this view."""
         return self.js(
@@ -152,12 +157,12 @@ class Page(Browser):
 
     def choose_next_view(self) -> None:
         """Choose the next view as a person at the keyboard does."""
-        before = self.js("return document.getElementById('view').value")
-        self.js("document.getElementById('view').focus()")
+        before = self.view
+        self.js("document.querySelector('#view [aria-selected=true]').focus()")
         self.key("ArrowDown")
-        self.until(lambda: self.js("return document.getElementById('view').value") != before)
+        self.key("Enter")
+        self.until(lambda: self.view != before)
         self.until(lambda: self.marks == 0)
-        self.js("document.getElementById('field').focus()")
 
     def aim(self, lab: VirtualLab, view: str) -> None:
         """Aim at three circles as they are seen, and go to the rest where it is predicted."""

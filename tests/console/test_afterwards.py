@@ -26,6 +26,7 @@ def scanned(lab_experiment, tmp_path_factory):
     calibration = lab_experiment.scan.calibration
     fine = replace(calibration.fine, lines=12)
     views = {name: calibration.views[name] for name in ("1", "2")}
+    views["2"] = replace(views["2"], circles=[1, 2, 3, 4])
     scan = replace(calibration, views=views, fine=fine)
     made = replace(lab_experiment, scan=scan)
     return made, scan_views(made, tmp_path_factory.mktemp("journal"))
@@ -49,7 +50,9 @@ def test_pose_of_every_view_is_told_with_bounds_and_verdict(scanned):
     for view in last.values():
         assert view[0].startswith("Pose: origin (")
         assert "95 % bounds; trusted" in view[0]
-        assert view[-1].startswith("the circle around DAC steps")
+    assert last["1"][-1].startswith("the circle around DAC steps")
+    circles = [line.partition(":")[0] for line in last["2"] if line.startswith("circle")]
+    assert circles == ["circle 1", "circle 2", "circle 3", "circle 4"]
     assert advised[-1].told == ["edge/1, edge/2, pose"]
     result = made.pose.estimate(made.laser, made.target, groups)
     origin = result.pose["origin"].sel(view="2").values

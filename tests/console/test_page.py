@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 
 import pytest
@@ -126,14 +127,28 @@ def test_a_problem_moves_nothing_and_goes_with_the_next_action(page):
     page.until(lambda: not page.text("said"))
 
 
-def test_keys_do_what_they_say_after_a_view_is_chosen(page):
-    page.js("document.getElementById('view').focus()")
+def test_views_are_walked_by_arrows_which_move_no_mirror_and_chosen_by_enter(page):
+    focused = "return document.activeElement.dataset.name ?? document.activeElement.id"
+    first, beam = page.view, page.beam
+    page.js("document.querySelector('#view [tabindex=\"0\"]').focus()")
+    walked = []
+    for key in ("ArrowDown", "ArrowRight", "ArrowDown", "ArrowUp", "End", "ArrowDown", "Home"):
+        page.key(key)
+        walked.append(page.js(focused))
+    assert walked == ["2", "3", "4", "3", "5", "5", "1"]
+    assert (page.view, page.beam) == (first, beam)
+    page.key("ArrowLeft")  # there is none before the first
     page.key("ArrowDown")
-    page.until(lambda: page.js("return document.activeElement.id") == "field")
+    page.key("Enter")
+    page.until(lambda: page.view == "2")
+    assert page.js(focused) == "field"
     page.key("ArrowUp")
     page.until(lambda: page.beam != (0, 0))
-    page.js("document.getElementById('view').focus()")
+    page.js("document.querySelector('#view [tabindex=\"0\"]').focus()")
+    assert page.js(focused) == "2"
     page.key("ArrowUp")
+    page.key(" ")
+    page.until(lambda: page.view == "1")
 
 
 def test_the_beam_is_brought_into_view(page):
@@ -261,3 +276,56 @@ return (performance.now() - begun) / 1000;
 def test_hundred_thousand_pixels_are_painted_smoothly(page):
     """The fastest of twenty: the others waited for whoever else is at work on the machine."""
     assert min(page.js(PAINT) for _ in range(20)) < 0.020
+
+
+#: Marks as they are drawn, with their names, in pixels of the window; the outlines of circles too.
+DRAWN = """
+const aim = document.getElementById('map').aim, canvas = document.getElementById('over');
+const at = (dac) => aim.map.placeOf(dac).map((v, k) => v * [canvas.width, canvas.height][k]);
+const ends = (points) => [0, 1].flatMap((k) => [Math.min, Math.max].map((limit) =>
+  limit(...points.map((p) => p[k]))));
+return {
+  names: aim.names.map(({ text, at, box }) => ({ text, at, box })),
+  circles: aim.marks.outlines.slice(0, 4).map(({ points }) => ends(points.map(at))),
+  size: [canvas.width, canvas.height],
+};
+"""
+
+
+@pytest.mark.parametrize("size", [DESKTOP, PHONE], ids=["desktop", "phone"])
+def test_names_stand_beside_circles_and_corners_and_cover_none(served, size):
+    lab, page = bench_lab(), Page(served.address, size)
+    try:
+        page.until(lambda: page.text("who").startswith("You are steering"))
+        take_all_back(page)
+        lab.use_view("1")
+        for place in lab.true_dac(lab.calibration_object.center):
+            page.come_to(place)
+            page.mark()
+        page.until(lambda: len(page.js(DRAWN)["names"]) == 8)
+        for nearer in (False, True):
+            if nearer:
+                page.js("document.getElementById('field').focus()")
+                page.key("+")
+                page.until(lambda: len(page.js(DRAWN)["names"]) < 8)
+            drawn = page.js(DRAWN)
+            boxes = [name["box"] for name in drawn["names"]]
+            for k, (left, top, right, bottom) in enumerate(boxes):
+                marks = [name["at"] for name in drawn["names"]]
+                assert not [p for p in marks if left < p[0] < right and top < p[1] < bottom]
+                for low, high, upper, lower in drawn["circles"]:
+                    assert right <= low or left >= high or bottom <= upper or top >= lower
+                for a, b, c, d in boxes[:k]:
+                    assert right <= a or left >= c or bottom <= b or top >= d
+                apart = [
+                    math.hypot(max(left - x, 0, x - right), max(top - y, 0, y - bottom))
+                    for x, y in marks
+                ]
+                assert apart[k] == min(apart), drawn["names"][k]["text"]
+            if folder := os.environ.get("SLDVEXP_SHOTS"):
+                page.js("document.getElementById('map').scrollIntoView()")
+                with open(f"{folder}/names-{size[0]}-{nearer}.png", "wb") as file:
+                    file.write(page.picture())
+        take_all_back(page)
+    finally:
+        page.close()

@@ -120,7 +120,9 @@ def test_places_of_each_kind_of_scan_have_their_own_key():
         marks = AimedMarks()
         marks.put("a", (kind, 2), (3, 4))
         marks.put("a", (kind, 1), (1, 2))
-        assert marks.settings(Experiment(scan=scan)) == {"views": {"a": {key: [[1, 2], [3, 4]]}}}
+        named = {"circles": [1, 2]} if kind == CIRCLE else {}  # so that they are called by these
+        wanted_of_a = {key: [[1, 2], [3, 4]], **named}
+        assert marks.settings(Experiment(scan=scan)) == {"views": {"a": wanted_of_a}}
 
 
 @pytest.mark.whole

@@ -29,6 +29,7 @@ LASERS = {
     ),
 }
 POINTS = np.array([[0.05, 0.07, 0.0], [0.19, 0.04, 0.0], [0.24, 0.25, 0.01], [0.04, 0.24, 0.0]])
+NAMES = [f"circle {k}" for k in range(1, 5)]
 
 
 def steps(rotation, origin, laser, points=POINTS):
@@ -61,7 +62,7 @@ def test_found_points_correct_a_pose_that_is_wrong_by_degrees_and_centimetres(la
     place = POSE.place + ROUGH[3:] * rng.standard_normal(3)
     true = steps(POSE.rotation, POSE.place, laser)
     before = np.abs(steps(rough, place, laser) - true).max()
-    rotation, origin = corrected_pose(POINTS, true, rough, place, laser)
+    rotation, origin = corrected_pose(POINTS, true, rough, place, laser, NAMES)
     assert before > 100
     assert np.abs(steps(rotation, origin, laser) - true).max() < 3
     assert np.linalg.norm(origin - POSE.place) < 0.3 * np.linalg.norm(place - POSE.place)
@@ -73,10 +74,17 @@ def test_one_point_shifts_a_rough_pose_as_far_as_needed_and_no_other_point_gets_
     laser = LASERS["plain"]
     rough = rotation_from_vector([0.0, 0.02, 0.0]) @ POSE.rotation
     true = steps(POSE.rotation, POSE.place, laser)
-    rotation, origin = corrected_pose(POINTS[:1], true[:1], rough, POSE.place, laser)
+    rotation, origin = corrected_pose(POINTS[:1], true[:1], rough, POSE.place, laser, NAMES)
     missed = steps(rotation, origin, laser) - true
     assert np.abs(missed[0]).max() < 1
     assert np.abs(missed).max() < 0.1 * np.abs(steps(rough, POSE.place, laser) - true).max()
+
+
+def test_point_that_no_correction_can_explain_is_named():
+    behind = np.array([[0.0, 0.0, 2.0], [0.0, 0.1, -2.0]])
+    pose = np.eye(3), np.zeros(3)
+    with pytest.raises(UserError, match=r"^circle 7 lies behind the instrument"):
+        corrected_pose(behind, np.zeros((2, 2)), *pose, TwoMirror(), ["circle 3", "circle 7"])
 
 
 @pytest.mark.parametrize(

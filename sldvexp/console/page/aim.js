@@ -15,6 +15,7 @@ export class Aim {
     this.page = page;
     this.map = new Cells($("map"), () => this.drawOver());
     $("map").cells = this.map;
+    $("map").aim = this;
     this.beam = [0, 0];
     this.marks = { marks: [], views: [], predicted: [], outlines: [], out: [] };
     this.wanted = {};
@@ -38,6 +39,7 @@ export class Aim {
 
   update(steering) {
     this.steering = steering;
+    $("view").setAttribute("aria-disabled", String(!steering));
     if (!steering) return;
     $("undo").disabled = !this.marks.undo;
     $("redo").disabled = !this.marks.redo;
@@ -154,12 +156,50 @@ export class Aim {
   showMarks(word) {
     const other = word.view !== this.marks.view, before = this.marks.marks.length;
     this.marks = { predicted: [], outlines: [], out: [], ...word };
-    const options = word.views.map(({ name, marks }) => new Option(marks ? `${name} (${marks} mark${marks > 1 ? "s" : ""})` : name, name, false, name === word.view));
-    $("view").replaceChildren(...options);
+    this.showViews(word);
     if (other) this.chosen = null;  // each view begins with its first mark
     if (!this.chosen || word.marks.length > before) this.chooseNext();
     $("pose").textContent = word.pose ?? "";
     this.drawMarks();
+  }
+
+  /** List the views; the one in the list's focus keeps it. */
+  showViews({ views, view }) {
+    const list = $("view"), within = list.contains(document.activeElement), focused = document.activeElement.dataset?.name;
+    list.replaceChildren(...views.map(({ name, marks }) => {
+      const option = document.createElement("li");
+      option.setAttribute("role", "option");
+      option.setAttribute("aria-selected", String(name === view));
+      option.dataset.name = name;
+      option.textContent = marks ? `${name} (${marks} mark${marks > 1 ? "s" : ""})` : name;
+      return option;
+    }));
+    const options = [...list.children];
+    this.rove(options.find((o) => within && o.dataset.name === focused) ?? options.find((o) => o.dataset.name === view) ?? options[0], within);
+  }
+
+  /** Let one view be the one that Tab comes to. */
+  rove(option, focus) {
+    for (const each of $("view").children) each.tabIndex = each === option ? 0 : -1;
+    if (focus) option?.focus();
+  }
+
+  chooseView(option) {
+    if (!this.steering) return;
+    this.page.wish("view", { name: option.dataset.name });
+    $("field").focus({ preventScroll: true });
+  }
+
+  /** Arrows walk along the views and move no mirror; a view that is chosen sends these home, so that only Enter and space do. */
+  keyOfViews(event) {
+    const options = [...$("view").children], at = options.indexOf(event.target.closest("[role=option]"));
+    const to = { ArrowDown: at + 1, ArrowRight: at + 1, ArrowUp: at - 1, ArrowLeft: at - 1, Home: 0, End: options.length - 1 }[event.key];
+    if (event.ctrlKey || event.metaKey || event.altKey || at < 0) return;
+    if (to !== undefined) this.rove(options[Math.min(Math.max(to, 0), options.length - 1)], true);
+    else if (event.key === "Enter" || event.key === " ") this.chooseView(options[at]);
+    else return;
+    event.preventDefault();
+    event.stopPropagation();
   }
 
   /** Choose the mark after the chosen one that is not set yet, from the first on again behind the last; else leave the choice. */
@@ -199,11 +239,12 @@ export class Aim {
         if (chosen) row.className = "chosen";
         return row;
       }
-      const off = set?.residual === undefined ? "" : set.residual.toFixed(1);
+      const off = offTold(set);
       const cells = [button, ...(set ?? guess)?.dac.map(String) ?? ["–", "–"], off].map((content) => {
         const cell = document.createElement("td");
         cell.append(content);
         if (!set && guess) cell.className = "predicted";
+        if (set?.beside && content === off) cell.className = "beside";
         return cell;
       });
       row.append(...cells);
@@ -249,8 +290,11 @@ export class Aim {
     const size = Math.max(width / (canvas.clientWidth || width), 1);  // on a small screen not smaller
     context.font = `bold ${13 * size}px sans-serif`;
     this.drawRegion(context, at);
-    for (const mark of this.marks.predicted ?? []) if (!this.at(mark)) drawMark(context, at(mark.dac), mark.kind, "#19a3a3", `${nameOf(mark)}?`, size);
-    for (const mark of this.marks.marks) drawMark(context, at(mark.dac), mark.kind, "#2f9e3f", nameOf(mark), size);
+    const open = (this.marks.predicted ?? []).filter((mark) => !this.at(mark)).map((mark) => ({ ...mark, colour: "#19a3a3", text: `${nameOf(mark)}?` }));
+    const drawn = [...open, ...this.marks.marks.map((mark) => ({ ...mark, colour: "#2f9e3f", text: nameOf(mark) }))].map((mark) => ({ ...mark, at: at(mark.dac) })).filter((mark) => mark.at[0] >= 0 && mark.at[1] >= 0 && mark.at[0] <= width && mark.at[1] <= height);
+    for (const mark of drawn) drawMark(context, mark.at, mark.kind, mark.colour, size);
+    this.names = placeNames(context, drawn, (this.marks.outlines ?? []).map(({ points }) => points.map(at)), at(this.beam), size);
+    for (const { text, kind, colour, box } of this.names) drawName(context, text, kind === "corner" ? CORNER : colour, box);
     const [x, y] = at(this.beam);
     for (const [colour, thick] of [["#fff", 4], ["#c00000", 2]]) {
       context.strokeStyle = colour;
@@ -312,10 +356,12 @@ export class Aim {
     actions.undo = () => this.page.wish("undo");
     actions.redo = () => this.page.wish("redo");
     actions.write = () => this.page.wish("write", { name: $("name").value.trim(), replace: $("replace").checked });
-    actions.start = () => this.page.wish("scan", { name: $("name").value.trim(), replace: $("replace").checked });
+    actions.start = () => this.page.wish("scan", { name: $("name").value.trim(), replace: $("replace").checked, anew: $("anew").checked });
     for (const [id, action] of Object.entries(actions)) $(id).addEventListener("click", action);
     $("shown").addEventListener("change", () => { this.showOther(); $("field").focus({ preventScroll: true }); });
-    $("view").addEventListener("change", () => { this.page.wish("view", { name: $("view").value }); $("field").focus({ preventScroll: true }); });
+    $("view").addEventListener("keydown", (event) => this.keyOfViews(event));
+    $("view").addEventListener("click", (event) => { const option = event.target.closest("[role=option]"); if (option) this.chooseView(option); });
+    $("view").addEventListener("focusout", (event) => { if (!$("view").contains(event.relatedTarget)) this.rove($("view").querySelector("[aria-selected=true]"), false); });
     for (const radio of document.querySelectorAll("[name=step]")) radio.addEventListener("change", () => this.setStep(Number(radio.value)));
     for (const id of ["slide-up", "slide-left"]) {
       $(id).addEventListener("input", () => this.page.wish("move", { to: [Number($("slide-up").value), Number($("slide-left").value)] }));
@@ -372,15 +418,21 @@ function drawn(kind, attributes, ...content) {
   return made;
 }
 
+/** Say how far a mark lies off where the others put it, and up to where that is usual. */
+function offTold(set) {
+  if (set?.off === undefined) return "";
+  const off = set.off.toFixed(0);
+  return set.usual === null ? off : `${off} ${set.beside ? ">" : "≤"} ${set.usual.toFixed(0)}`;
+}
+
 /** Name a mark, in the list and on the map alike. */
 function nameOf({ kind, number }) {
   return `${NAMES[kind]} ${number}`;
 }
 
-/** Draw a mark: a ring for a circle, a square for a corner, a cross for all else; the names
- * of circles stand below, so that those of corners beside them are free. */
-function drawMark(context, [x, y], kind, own, text, size) {
-  const arm = 6 * size, aside = 8 * size, colour = kind === "corner" ? CORNER : own;
+/** Draw a mark: a ring for a circle, a square for a corner, a cross for all else. */
+function drawMark(context, [x, y], kind, own, size) {
+  const arm = 6 * size, colour = kind === "corner" ? CORNER : own;
   for (const [stroke, thick] of [["#fff", 4], [colour, 2]]) {
     context.strokeStyle = stroke;
     context.lineWidth = thick;
@@ -393,13 +445,51 @@ function drawMark(context, [x, y], kind, own, text, size) {
     }
     context.stroke();
   }
-  const wide = context.measureText(text).width, right = x + aside + wide <= context.canvas.width;
-  const at = kind === "circle" ? [x - wide / 2, y + 2.4 * aside] : [right ? x + aside : x - aside - wide, y - aside];
+}
+
+/** Draw a name into its box. */
+function drawName(context, text, colour, [left, , , bottom]) {
   context.lineWidth = 3;
   context.strokeStyle = "#fff";
-  context.strokeText(text, ...at);
+  context.strokeText(text, left, bottom);
   context.fillStyle = colour;
-  context.fillText(text, ...at);
+  context.fillText(text, left, bottom);
+}
+
+/** Find a box for each name beside what it names: past the outline that its mark stands in, and off
+ * all other marks, names and outlines. Of all places that cover as little as can be the nearest is
+ * taken; a name that is drawn sooner does not move for a later one. */
+function placeNames(context, marks, outlines, beam, size) {
+  const arm = 8 * size, tall = 11 * size, { width, height } = context.canvas;
+  const around = ([x, y], reach) => [x - reach, y - reach, x + reach, y + reach];
+  const filled = [...marks.map((mark) => around(mark.at, arm)), around(beam, 14 * size)];
+  const rims = outlines.filter((points) => points.length).map((points) => [Math.min(...points.map(([x]) => x)), Math.min(...points.map(([, y]) => y)), Math.max(...points.map(([x]) => x)), Math.max(...points.map(([, y]) => y))]);
+  const area = ([a, b, c, d]) => (c - a) * (d - b);
+  const covered = ([a, b, c, d], [e, f, g, h]) => Math.max(0, Math.min(c, g) - Math.max(a, e)) * Math.max(0, Math.min(d, h) - Math.max(b, f));
+  const inside = ([x, y], [a, b, c, d]) => x > a && x < c && y > b && y < d;
+  // Outlines of circles are covered by no name; that of the structure may have names within it.
+  const small = rims.filter((rim) => marks.some(({ at, kind }) => kind === "circle" && inside(at, rim)) && area(rim) < width * height / 16);
+  const away = ([x, y], [a, b, c, d]) => Math.hypot(Math.max(a - x, 0, x - c), Math.max(b - y, 0, y - d));
+  const placed = [];
+  for (const mark of marks) {
+    const wide = context.measureText(mark.text).width;
+    const own = mark.kind === "circle" ? small.find((rim) => inside(mark.at, rim)) : undefined;
+    const [a, b, c, d] = own ?? around(mark.at, arm);
+    let best = null;
+    for (const gap of [0, 1, 2, 3].map((times) => 3 * size + times * tall)) {
+      const middle = [(a + c - wide) / 2, (b + d - tall) / 2];
+      for (const [left, top] of [[c + gap, b - tall], [c + gap, middle[1]], [middle[0], d + gap], [middle[0], b - gap - tall], [a - gap - wide, middle[1]], [a - gap - wide, b - tall], [c + gap, d], [a - gap - wide, d]]) {
+        const box = [left, top, left + wide, top + tall];
+        const out = area(box) - covered(box, [0, 0, width, height]);
+        const cost = [...filled, ...small, ...placed.map((name) => name.box)].reduce((sum, other) => sum + covered(box, other), 2 * out);
+        // A name that lies nearer to another mark would name that one.
+        const misled = marks.some((other) => other !== mark && away(other.at, box) <= away(mark.at, box)) ? area(box) / 2 : 0;
+        if (!best || cost + misled < best.cost) best = { cost: cost + misled, box };
+      }
+    }
+    placed.push({ ...mark, box: best.box });
+  }
+  return placed;
 }
 
 function showCamera(header, [grey]) {

@@ -43,7 +43,7 @@ function showWho() {
 function update() {
   const steering = page.role === "controller" && page.connected;
   for (const control of document.querySelectorAll(".steers")) control.disabled = !steering;
-  for (const control of document.querySelectorAll("#view, #name, #replace, #answer")) control.disabled = !steering;
+  for (const control of document.querySelectorAll("#name, #replace, #answer, #anew")) control.disabled = !steering;
   aim.update(steering);
   scan.update(steering);
 }

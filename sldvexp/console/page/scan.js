@@ -25,11 +25,13 @@ export class Scan {
       scan: (word) => this.show(word),
       ask: (word) => this.ask(word),
       done: (word) => this.done(word),
+      ahead: (word) => this.ahead(word),
     };
     this.pictures = { image: (header, arrays) => this.grow(header, arrays) };
     for (const id of ["pause", "again", "skip", "stop"]) $(id).addEventListener("click", () => this.page.wish(id));
     $("go-on").addEventListener("click", () => this.page.wish("go_on"));
     $("again-bad").addEventListener("click", () => this.page.wish("again_bad"));
+    $("anew").addEventListener("change", () => this.showNext());
     const reply = () => { this.page.wish("answer", { text: $("answer").value }); $("answer").value = ""; };
     $("reply").addEventListener("click", reply);
     $("answer").addEventListener("keydown", (event) => { if (event.key === "Enter") reply(); });
@@ -47,6 +49,18 @@ export class Scan {
     $("progress-told").textContent = word.told;
     $("facts").replaceChildren(...pairs(Object.entries(word.facts ?? {})));
   }
+
+  /** Say what the next scan takes and keeps, and what Go on makes of places that were aimed anew since. */
+  ahead(word) {
+    this.next = word;
+    $("go-on-told").textContent = word.go_on;
+    $("go-on-told").hidden = !word.go_on;
+    $("anew-box").hidden = !word.keep.length;
+    if (!word.keep.length) $("anew").checked = false;
+    this.showNext();
+  }
+
+  showNext() { $("start").textContent = $("anew").checked ? "Scan all views anew" : this.next?.label ?? "Scan"; }
 
   ask(word) {
     this.asked = Boolean(word);
