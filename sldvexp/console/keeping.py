@@ -16,7 +16,7 @@ from sldvexp.config.paths import JOURNAL
 from sldvexp.console.marks import Name, Steps
 from sldvexp.errors import UserError
 from sldvexp.session.journal import adopt_view, require_same
-from sldvexp.session.session import measured_by
+from sldvexp.session.session import measured_by, measured_from
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,7 +123,7 @@ class KeptViews:
     def copy_to(self, folder: Path) -> None:
         """Copy their lines into a run's folder, before it scans."""
         journal = folder / JOURNAL
-        require_same(journal, measured_by(self.experiment))
+        require_same(journal, measured_by(self.experiment), measured_from(self.experiment))
         for view in self.views:
             adopt_view(journal / view, self.source.folder / JOURNAL / view)
 
@@ -137,7 +137,7 @@ def _measured(experiment: Experiment, view: str) -> str:
     """Write what decides what is measured in a view."""
     e: Any = experiment
     parts = [replace(part, views={view: part.views[view]}) for part in e.scan.parts(view)]
-    return repr(measured_by(replace(e, scan=parts)))
+    return repr((measured_by(replace(e, scan=parts)), measured_from(e)))
 
 
 def _views(names: Sequence[str]) -> str:

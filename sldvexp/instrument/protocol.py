@@ -189,6 +189,11 @@ class ScanningPlugin(ABC):
         """True if `open` puts the instrument where a view is; otherwise somebody must move it."""
         return True
 
+    @property
+    def source(self) -> dict[str, str]:
+        """Settings that say whose lines these are, with their values; one run has lines of one."""
+        return {}
+
     def inputs(self) -> list[str]:
         """List files that are read besides the configuration."""
         return []

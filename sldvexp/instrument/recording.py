@@ -363,6 +363,11 @@ class Replay(ScanningPlugin):
     real = False
     path: str = MISSING
 
+    @property
+    def source(self) -> dict[str, str]:
+        """See `ScanningPlugin`; the run, from wherever it is named."""
+        return {"path": str(locate(self.path).resolve())}
+
     def left(self, view: str) -> tuple[str, int] | None:
         """See `ScanningPlugin`."""
         return read_left(locate(self.path) / JOURNAL / view)

@@ -100,6 +100,11 @@ class Visa(ScanningPlugin):
         """True if the profile has commands that go to a view."""
         return bool(self._spoken.commands.view)
 
+    @property
+    def source(self) -> dict[str, str]:
+        """See `ScanningPlugin`; an address may change from one day to the next."""
+        return {"profile": self.profile}
+
     def inputs(self) -> list[str]:
         """List the profile's file."""
         return [str(profile_path(self.profile))]

@@ -68,7 +68,10 @@ def edges(source: Source | RunData, view: str | None = None) -> Figure:
         views = {view: views[view]}
     ratio = ratio_of([group["dac"].values for group in views.values()])
     titles = [_edges_told(name, group) for name, group in views.items()]
-    made, axes = panels_of_views(ratio, "Edge points of the circles", titles)
+    steps = np.concatenate([group["dac"].values[:, 0] for group in views.values()])
+    more = max(style.long(f"{step:.0f}", style.LABEL) for step in (steps.min(), steps.max()))
+    more = max(more - style.long("0000", style.LABEL), 0.0)
+    made, axes = panels_of_views(ratio, "Edge points of the circles", titles, more=more)
     for axis, (name, group) in zip(axes.ravel(), views.items(), strict=False):
         numbers = sorted((number, centre) for centre, number in circle_numbers(run, name).items())
         for (number, centre), look in zip(numbers, style.looks(len(numbers)), strict=True):
@@ -95,13 +98,25 @@ def _edges_told(name: str, group: Any) -> str:
 
 
 def panels_of_views(
-    ratio: float, title: str, titles: Sequence[str], least: float = 1.6, **shared: Any
+    ratio: float,
+    title: str,
+    titles: Sequence[str],
+    least: float = 1.6,
+    more: float = 0.0,
+    **shared: Any,
 ) -> tuple[Figure, NDArray[Any]]:
-    """Make a sheet with a titled panel for each view, at least so many inches wide."""
+    """Make a sheet with a titled panel for each view, at least so many inches wide.
+
+    Parameters
+    ----------
+    more : float, inch
+        Room for numbers at the left of panels beyond that of four digits.
+    """
     number = len(titles)
     columns = style.fitting(min(number, COLUMNS), least)
     size = (-(-number // columns), columns, ratio)
-    made, axes = style.sheet(*size, title, titles, style.NUMBERS, right=0.15, **shared)
+    room: dict[str, Any] = {"beside": style.NUMBERS + more, "left": style.LEFT + more, "right": 0.15}
+    made, axes = style.sheet(*size, title, titles, **room, **shared)
     for axis in axes.ravel()[number:]:
         axis.remove()
     return made, axes

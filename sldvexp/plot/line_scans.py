@@ -116,7 +116,7 @@ def _column(axes: Any, kind: str, taken: Taken, factor: float) -> None:
     """Draw four panels of one kind of lines."""
 
     def name(axis: Any, text: str) -> None:
-        axis.set_title(broken(f"{count}: {text}", 0.4 * style.inches()))
+        axis.set_title(broken(f"{count}: {text}", 0.34 * style.inches()))
 
     along = taken.raw.along
     count = f"{len(along)} {kind} lines"

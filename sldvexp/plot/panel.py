@@ -10,14 +10,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from copy import copy
 from typing import Any
 
+import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis, XAxis, YAxis
-from matplotlib.ticker import NullLocator
+from matplotlib.ticker import MaxNLocator, NullLocator
 
-from sldvexp.plot.paper import POINTS
+from sldvexp.plot.paper import POINTS, long
 from sldvexp.typing import Array, BoolArray
 
 #: Attributes with an axis' single ticks, which are made when they are first asked for.
@@ -176,6 +178,32 @@ class _SharedTickAxis(_Axis):
 
 class _SharedTickX(_SharedTickAxis, XAxis):
     across = 1
+
+    def get_majorticklocs(self) -> Array:
+        """Find the places of ticks, as many as have numbers that do not run together."""
+        every: Array = np.asarray(super().get_majorticklocs(), float)
+        if not isinstance(self.major.locator, MaxNLocator):
+            return every
+        fewer = copy(self.major.locator)
+        for most in range(int(self._in_view(every).sum()) - 1, 0, -1):
+            if self._are_apart(every):
+                break
+            fewer.set_params(nbins=most, min_n_ticks=1)
+            every = np.asarray(fewer.tick_values(*np.sort(self.get_view_interval())), float)
+        return every
+
+    def _are_apart(self, places: Array) -> bool:
+        """Tell whether two letters fit between the numbers of neighbouring ticks.
+
+        One of them is what letters of whole dots on a screen may be wider than in print.
+        """
+        places = places[self._in_view(places)]
+        size = float(matplotlib.rcParams["xtick.labelsize"])
+        wide = [long(text, size) for text in self.major.formatter.format_ticks(places)]
+        at = self.axes.transData.transform(np.column_stack([places, 0 * places]))[:, 0]
+        between = np.abs(np.diff(at)) / self.get_figure(root=True).dpi
+        needed = np.convolve(wide, [0.5, 0.5], "valid") + long("00", size)
+        return bool((between >= needed[: len(between)]).all())
 
     def _go(self, line: Any, along: Array, across: Array) -> None:
         line.set_data(along, across)

@@ -26,9 +26,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from sldvexp.dataset import AXES, VARIABLES, Variable
 from sldvexp.plot.panel import SharedTickAxes
-from sldvexp.plot.paper import POINTS, Paper, Style, broken, long, on_paper, paper
+from sldvexp.plot.paper import POINTS, Paper, Style, broken, on_paper, paper
 from sldvexp.plot.paper import fitting as fitting
 from sldvexp.plot.paper import inches as inches
+from sldvexp.plot.paper import long as long
 from sldvexp.plot.paper import narrow as narrow
 from sldvexp.plot.paper import settings_kept as settings_kept
 from sldvexp.typing import Array

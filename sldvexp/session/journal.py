@@ -6,8 +6,10 @@ import hashlib
 import logging
 import re
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -24,6 +26,8 @@ from sldvexp.writing import make_folder, whole_or_nothing
 
 log = logging.getLogger(__name__)
 
+#: Of a file that says which configuration a journal belongs to, at most.
+CONFIGURATION_BYTES = 65536
 #: What is kept of a scan line: its samples, or the sums of its records.
 Measured = RawSamples | ResponseSums
 
@@ -168,7 +172,60 @@ def lines_kept(folder: Path) -> dict[str, int]:
     return {view.name: len(list(view.glob("[!.]*.npz"))) for view in sorted(views)}
 
 
-def require_same(folder: Path, configuration: object) -> None:
+#: What a line of that file begins with: the digest of a part, or a setting.
+KINDS_OF_ORIGIN = "part", "source"
+#: Digits of the digest of a part of the configuration.
+OF_PART = 16
+
+
+def digest_of(part: object) -> str:
+    """Make the digest of a part of the configuration; its representation is what counts."""
+    return hashlib.sha256(repr(part).encode()).hexdigest()[:OF_PART]
+
+
+@dataclass(frozen=True)
+class JournalOrigin:
+    """Configuration that a folder of scan lines says it belongs to.
+
+    Attributes
+    ----------
+    key : str
+        Digest of the whole; empty if it is lost.
+    parts : dict of str to str
+        Digests of its parts by their names, as far as they are told.
+    source : dict of str to str
+        Settings that say whose lines they are, as far as they are told.
+    """
+
+    key: str
+    parts: dict[str, str]
+    source: dict[str, str]
+
+    @classmethod
+    def read(cls, folder: Path) -> JournalOrigin:
+        """Read what a folder says; nothing if that is lost."""
+        path = folder / CONFIGURATION
+        found = read_bytes(path, CONFIGURATION_BYTES) if path.exists() else b""
+        text = found.decode("utf-8", "replace")
+        first, *rest = text.splitlines() or [""]
+        key = first if re.fullmatch("[0-9a-f]{64}", first) else ""
+        told = [line.partition(":")[::2] for line in rest if key]
+        pairs = [(kind, *text.partition("=")[::2]) for kind, text in told]
+        parts, source = ({n: v for k, n, v in pairs if k == kind} for kind in KINDS_OF_ORIGIN)
+        return cls(key, parts, source)
+
+    def write(self, folder: Path) -> None:
+        """Say so in a folder."""
+        both = zip(KINDS_OF_ORIGIN, (self.parts, self.source), strict=True)
+        lines = [f"{kind}:{name}={value}" for kind, of in both for name, value in of.items()]
+        make_folder(folder)
+        with whole_or_nothing(folder / CONFIGURATION) as beside:
+            beside.write_text("\n".join([self.key, *lines]), encoding="utf-8")
+
+
+def require_same(
+    folder: Path, parts: Mapping[str, object], source: Mapping[str, str] = MappingProxyType({})
+) -> None:
     """Tie a folder of scan lines to the configuration that they are measured with.
 
     A digest that is missing or damaged says nothing of the lines; each of them knows its pixels and
@@ -178,30 +235,40 @@ def require_same(folder: Path, configuration: object) -> None:
     ----------
     folder : Path
         Of all views.
-    configuration : object
+    parts : dict of str to object
         Everything that decides what is measured; its representation is what counts.
+    source : dict of str to str
+        Settings of the instrument that say whose lines they are, with their values.
 
     Raises
     ------
     UserError
-        If the folder has lines of another configuration.
+        If the folder has lines of another configuration, or of another source.
     """
-    key = hashlib.sha256(repr(configuration).encode()).hexdigest()
-    path = folder / CONFIGURATION
-    kept = read_bytes(path, 4 * len(key)).decode("ascii", "replace") if path.exists() else ""
-    if kept == key:
-        return
-    if re.fullmatch("[0-9a-f]{64}", kept):
+    key = hashlib.sha256(repr(tuple(parts.values())).encode()).hexdigest()
+    digests = {name: digest_of(part) for name, part in parts.items()}
+    now, kept = JournalOrigin(key, digests, dict(source)), JournalOrigin.read(folder)
+    if kept.key not in ("", key):
+        differ = [name for name in digests if kept.parts.get(name, "") != digests[name]]
+        told = f"{' and '.join(differ)} differ{'s' * (len(differ) == 1)}"
+        if not kept.parts:
+            told = f"{', '.join([*digests][:-1])} or {[*digests][-1]} differ"
         raise UserError(
-            f"{folder}: has scan lines of another configuration (seed, target, laser, scene, scan "
-            "or instrument differ); start the run in a new folder"
+            f"{folder}: has scan lines of another configuration ({told}); start the run in a new "
+            "folder"
         )
-    if any(file.suffix in (".npz", ".json") for file in folder.rglob("[!.]*")):
+    for name, value in source.items():
+        if kept.source.get(name, value) != value:
+            raise UserError(
+                f"{folder}: has scan lines of {name}={kept.source[name]}, and lines of "
+                f"{name}={value} would be mixed with them; leave {name} as it was, or start the "
+                "run in a new folder"
+            )
+    if not kept.key and any(file.suffix in (".npz", ".json") for file in folder.rglob("[!.]*")):
         log.warning(
             "%s: does not say any more which configuration its scan lines belong to; those are "
             "used that have the pixels and the sampling of this one",
             folder,
         )
-    make_folder(folder)
-    with whole_or_nothing(path) as beside:
-        beside.write_text(key)
+    if kept != now:
+        now.write(folder)

@@ -8,11 +8,13 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from sldvexp.config.paths import JOURNAL, locate
 from sldvexp.dataset import Finding, Severity, with_findings
 from sldvexp.errors import ConfigError, Problem, UserError
 from sldvexp.geometry import KnownPose
 from sldvexp.instrument import Instrument
 from sldvexp.instrument.person import GuideMaker
+from sldvexp.instrument.recording import Replay
 from sldvexp.laser import TwoMirror
 from sldvexp.lazy import xarray as xr
 from sldvexp.progress import span
@@ -23,13 +25,15 @@ from sldvexp.session.by_person import joined, record_marks, record_spots
 from sldvexp.session.camera import Camera, ViewContext, ViewSkipped
 from sldvexp.session.circles import circle_lines, scan_calibration
 from sldvexp.session.images import image_lines, scan_image
-from sldvexp.session.journal import Journal, require_same
+from sldvexp.session.journal import Journal, JournalOrigin, digest_of, require_same
 from sldvexp.session.operator import Operator
 from sldvexp.session.outline import outline_lines, scan_outline
 from sldvexp.session.watching import PartAhead, ViewAhead, Watcher
 
 #: Of the dissertation's instrument (Section 3.2.1).
 PIXELS_PER_SECOND = 6.0
+#: Fields of an experiment that decide what is measured.
+MEASURED_BY = "seed", "target", "laser", "scene", "scan"
 
 #: What becomes of a part of a scan in one view, by the part's `kind`: groups of the dataset.
 KINDS: dict[str, Callable[[Any, ViewContext], dict[str, xr.Dataset]]] = {
@@ -79,7 +83,7 @@ def scan_views(
     e = experiment
     watcher = watcher or Watcher()
     operator = operator or Operator(watcher)
-    require_same(journal, measured_by(e))
+    require_same(journal, measured_by(e), measured_from(e))
     if not e.scan.view_names():
         raise ConfigError([Problem("scan.views", "needs at least one view")])
     in_steps = e.scan.in_steps(e.laser, e.target)
@@ -88,7 +92,7 @@ def scan_views(
     views = _ahead(e.scan, in_steps, journal)
     watcher.session_begun(views)
     found: dict[str, xr.Dataset] = {}
-    told: list[Finding] = []
+    told = replayed_scene(e)
     for view in views:
         watcher.view_begun(view)
         arrive = partial(_arrive, e, view.name, operator, journal / view.name)
@@ -114,10 +118,42 @@ def scan_views(
     return joined(found)
 
 
-def measured_by(experiment: Any) -> tuple[object, ...]:
-    """List everything of an experiment that decides what is measured."""
-    e = experiment
-    return (e.seed, e.target, e.laser, e.scene, e.scan, type(e.instrument).__name__)
+def measured_by(experiment: Any) -> dict[str, object]:
+    """List the parts of an experiment that decide what is measured."""
+    parts = {name: getattr(experiment, name) for name in MEASURED_BY}
+    return {**parts, "instrument": type(experiment.instrument).__name__}
+
+
+def measured_from(experiment: Any) -> dict[str, str]:
+    """List the settings of an experiment that say whose lines it has."""
+    return {f"instrument.{k}": v for k, v in experiment.instrument.source.items()}
+
+
+def replayed_scene(e: Any) -> list[Finding]:
+    """Say what a scene is worth to lines that are played again, which it does not make.
+
+    Raises
+    ------
+    UserError
+        If they were scanned in another scene: what is true there would be told of these lines.
+    """
+    if e.scene is None or not isinstance(e.instrument, Replay):
+        return []
+    folder = locate(e.instrument.path)
+    then, now = JournalOrigin.read(folder / JOURNAL).parts.get("scene"), digest_of(e.scene)
+    if then == now:
+        return []
+    if then not in (None, digest_of(None)):
+        raise UserError(
+            f"scene: the lines of {folder} were scanned in a scene with other settings, and "
+            "instrument=replay plays them as they were: take scene and scene.* as in that run, or "
+            "~scene without any, or scan anew with instrument=simulated"
+        )
+    text = (
+        f"the scene is taken for what is true, and changes nothing of the lines of {folder}, which "
+        "do not tell in which scene they were scanned"
+    )
+    return [Finding("replayed_scene", "scene", text, Severity.note)]
 
 
 def _skipped(view: ViewAhead, done: int) -> Finding:

@@ -42,7 +42,8 @@ def drawn_texts(figure):
 
     def recorded(self, renderer, *args, **options):
         if self.get_visible() and self.get_text().strip():
-            found[id(self)] = (self.get_text(), self.get_size(), self.get_window_extent(renderer))
+            box = self.get_window_extent(renderer)  # one number is drawn at every place of its kind
+            found[self.get_text(), *box.min] = (self.get_text(), self.get_size(), box)
         return draw(self, renderer, *args, **options)
 
     width, height = figure.get_size_inches() * figure.dpi
@@ -122,6 +123,42 @@ def test_letters_are_large_enough_inside_and_apart(tree, name, width):
     assert figure.get_figwidth() * 0.0254 == pytest.approx(width)
     assert len(drawn_texts(figure)) > 4
     assert faults_of(figure) == []
+
+
+def five_digits(centre):
+    """Edges of three circles in steps of a board of 16 bits, around the corner of its range."""
+    turn = np.linspace(0.0, 6.0, 12)
+    out = np.column_stack([np.sin(turn), np.cos(turn)])
+    dac = [np.add(centre, [4000 * k, 5000 * k]) + 800 * out for k in range(3)]
+    one = np.ones(36)
+    edge = dataset.group(
+        "edge",
+        {},
+        dac=np.concatenate(dac),
+        dac_std=0.1 * one,
+        direction=np.tile(out, (3, 1)),
+        width=2 * one,
+        phase=0 * one,
+        circle=np.repeat([1, 2, 3], 12),
+    )
+    edge.attrs["summary"] = "\n".join(f"circle {k}: 12 edges" for k in (1, 2, 3))
+    return edge
+
+
+@pytest.mark.parametrize("width", [COLUMN, PAGE])
+@pytest.mark.parametrize("name", ["edges", "conics"])
+def test_numbers_of_five_digits_do_not_run_together(name, width):
+    corners = ((-18000, -19000), (-18000, 9000), (10000, 9000))
+    tree = {f"edge/{k}": five_digits(corner) for k, corner in enumerate(corners)}
+    figure = getattr(sldvexp.plot, name)(tree, width=width)
+    assert faults_of(figure) == []
+    numbers = [t for t in drawn_texts(figure) if re.fullmatch(r"−?\d{4,5}", t[0])]
+    assert len(numbers) > 6
+    for (one, size, a), (other, _, b) in itertools.combinations(numbers, 2):
+        beside = min(a.y1, b.y1) > max(a.y0, b.y0)
+        gap = max(a.x0, b.x0) - min(a.x1, b.x1)
+        letter = size * figure.dpi / 72 / 2
+        assert not beside or gap > 0.6 * letter, (one, other)
 
 
 def test_the_measure_finds_letters_that_are_small_cut_off_or_over_others():

@@ -48,6 +48,11 @@ UP_DOWN, LEFT_RIGHT = (f"scene.mirrors.{m}.gain=-2" for m in ("up_down", "left_r
 SWAPPED = "scene.mirrors.swapped=true"
 BESIDE = "scan.views.1.dac=[[1000,1000],[1400,1000],[1400,1400],[1000,1400]]"
 ROUGH = "[-142,-704],[-401,-1326],[673,-1632]"
+#: The same centres in steps of another board, whose lines stride over eight of its steps.
+FINER_BOARD = (
+    "laser=ometron_16bit",
+    "scan.views.1.dac=[[-1136,-5632],[-3208,-10608],[5384,-13056],[5984,-5168]]",
+)
 KEPT = r"; what was scanned is kept, go on with: sldvexp resume=\S+$"
 AGAIN = r"; then delete \S+/journal/1 and resume the run$"
 WIRED = r"^sldvexp: view 1: the mirrors look wired wrongly, "
@@ -190,8 +195,8 @@ TABLE = [
         "more pixels or a larger stride", settings=("scan.coarse.pixels=90",), long=True),
     Row("lines within the circle", r"the circle around DAC steps \(-1136, -5632\): everything on "
         "its lines moves, they do not reach its edge; give .* or a larger stride",
-        settings=("laser=ometron_16bit", "scan.views.1.dac=[[-1136,-5632],[-3208,-10608],"
-                  "[5384,-13056],[5984,-5168]]"), long=True),
+        settings=(*FINER_BOARD, "scan.coarse.stride=1"), long=True),
+    Row("lines of the usual stride on a finer board", settings=FINER_BOARD, long=True),
     Row("one circle twice", r"the circle around DAC steps \(673, -1632\) and the circle around DAC "
         r"steps \(673, -1620\) are one and the same",
         settings=(f"scan.views.1.dac=[{ROUGH},[673,-1620]]",), long=True),

@@ -102,3 +102,55 @@ def test_a_line_that_a_power_cut_emptied_is_measured_again(sldvexp, whole, tmp_p
     one, two = variables(whole), variables(folder)
     for name, values in one.items():
         np.testing.assert_array_equal(values, two[name], err_msg=name)
+
+
+REPLAYED = [a for a in SMALL if not a.startswith("scene")]
+
+
+@pytest.mark.whole
+def test_a_replay_refuses_another_scene_and_takes_its_own(sldvexp, whole):
+    """No setting of a scene changes lines that were scanned already."""
+    replay = ("instrument=replay", f"instrument.path={whole}")
+    other = sldvexp(*SMALL, *replay, "scene.vibrometer.noise=0.02")
+    assert other.status == 1
+    assert "were scanned in a scene with other settings" in other.err
+    assert "~scene without any" in other.err
+    same = sldvexp(*SMALL, *replay)
+    assert same.status == 0, same.err
+    notes = same.tree["verdict"]["text"].values
+    assert not any("the scene is taken for what is true" in note for note in notes)
+
+
+@pytest.mark.whole
+def test_a_replay_says_what_a_scene_is_worth_that_the_lines_do_not_tell(sldvexp, whole, tmp_path):
+    """As of lines that an instrument scanned: that is unknown, and no sign of another scene."""
+    folder = tmp_path / "measured"
+    shutil.copytree(whole, folder)
+    digest = folder / "journal" / CONFIGURATION
+    digest.write_text(digest.read_text().splitlines()[0])
+    done = sldvexp(*SMALL, "instrument=replay", f"instrument.path={folder}")
+    assert done.status == 0, done.err
+    notes = done.tree["verdict"]["text"].values
+    assert sum("the scene is taken for what is true" in note for note in notes) == 1
+
+
+@pytest.mark.whole
+def test_one_run_has_lines_of_one_source(sldvexp, whole, tmp_path):
+    copy, folder = tmp_path / "copy", tmp_path / "run"
+    shutil.copytree(whole, copy)
+    replay = ("instrument=replay", f"instrument.path={whole}", "~scene")
+    begun = sldvexp(*REPLAYED, *replay, f"hydra.run.dir={folder}")
+    assert begun.status == 0, begun.err
+    (folder / "run.nc").unlink()
+    other = sldvexp(f"resume={folder}", f"instrument.path={copy}")
+    assert other.status == 1
+    *_, told = other.err.splitlines()  # before it, that the example has a view too
+    assert f"has scan lines of instrument.path={whole}" in told
+    assert f"instrument.path={copy} would be mixed with them" in told
+    assert sldvexp(f"resume={folder}").status == 0
+
+
+def test_another_configuration_is_named_by_what_differs(sldvexp, whole):
+    other = sldvexp(*SMALL, "seed=1", "scan.fine.lines=13", f"hydra.run.dir={whole}",
+                    "overwrite=true")  # fmt: skip
+    assert "another configuration (seed and scan differ)" in other.err
