@@ -251,7 +251,8 @@ class CoupledRows(NearRows):
         """Multiply as `InverseRows` says."""
         layers, _, parameters, columns = x.shape
         along = np.tensordot(self.line, x, axes=1).reshape(layers, -1, columns)
-        rows = np.stack([self.surface @ layer for layer in along])
+        surface = self.surface.tocsr()  # without blocks all columns are added at once
+        rows = np.stack([surface @ layer for layer in along])
         found = self.turn @ rows.reshape(layers, len(self.own), parameters, columns)
         exact = self.volume @ x.reshape(-1, columns)
         found[:, self.odd] = exact.reshape(layers, len(self.odd), parameters, columns)

@@ -140,16 +140,17 @@ class PoseEffect:
         if not nothing_left:
             balance = at.pointwise.weight.times(v - at.pointwise.design @ u)
         columns = found.shape[-1]
-        side = np.empty((count, parameters, columns))
+        side = np.empty((parameters, columns, count))
         for k, blocks in self._by_view(part, u):
+            estimator = np.ascontiguousarray(at.estimator[:, :, k].T)
             for here, slopes, change in blocks:
-                of_samples = np.ascontiguousarray(change.reshape(columns, -1).T)
-                np.multiply(at.estimator[here, :, k, None], of_samples[:, None], out=side[here])
+                of_samples = change.reshape(columns, -1)
+                np.multiply(estimator[:, None, here], of_samples, out=side[..., here])
                 if not nothing_left:
-                    turn = np.ascontiguousarray(np.moveaxis(_turn(part, here, slopes), -1, 0))
-                    added = turn[..., None] * balance[here, k, None, None]
-                    side[here, : turn.shape[1]] += added.reshape(*turn.shape[:2], -1)
-            sums = part.patch.to_nodes(side.reshape(count, -1))
+                    turn = _turn(part, here, slopes)
+                    added = turn[:, :, None] * np.ascontiguousarray(balance[here, k].T)
+                    side[: len(turn), :, here] += added.reshape(len(turn), columns, -1)
+            sums = part.patch.components_to_nodes(side.reshape(-1, count))
             found[:, :, :, k] = sums.reshape(*shape, -1)
         return found.reshape(*shape, -1)
 

@@ -125,6 +125,21 @@ class Patch:
         flat = sums.reshape(self.layers, triangles * 3, columns)
         return np.stack([self._gather @ layer for layer in flat])
 
+    def components_to_nodes(self, samples: Array) -> Array:
+        """Sum as `to_nodes` does what has the samples last, from (m, sample) to (layer, node, m).
+
+        That is one product with the few basis functions instead of one in every prism.
+        """
+        gaps, triangles, points = self.sample_shape
+        count = len(samples)
+        each = (samples.reshape(-1, points) @ self.shape).reshape(count, gaps, triangles, 2, 3)
+        found = np.zeros((self.layers, len(self.nodes), count))
+        for gap in range(gaps):
+            corners = np.ascontiguousarray(each[:, gap].transpose(2, 1, 3, 0))
+            for side, of_corners in enumerate(corners.reshape(2, triangles * 3, count)):
+                found[gap + side] += self._gather @ of_corners
+        return found
+
     @cached_property
     def _gather(self) -> scipy.sparse.csr_array:
         """Sums corners of triangles at their nodes."""
