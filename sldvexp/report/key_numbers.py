@@ -16,7 +16,7 @@ import numpy as np
 from sldvexp.dataset import FREQUENCY, VARIABLES, RunData
 from sldvexp.lazy import xarray as xr
 from sldvexp.report.modal_tables import POLES, level_of, poles
-from sldvexp.report.numbers import bound_text, number, with_bound
+from sldvexp.report.numbers import bound_text, bounds_of, number, with_bound
 from sldvexp.typing import Array
 
 VELOCITY = VARIABLES["field"]["velocity"]
@@ -150,7 +150,7 @@ def _of_poses(pose: xr.Dataset) -> KeyNumbers:
     rows = []
     for view in views[:MOST_VIEWS]:
         one = pose.sel(view=view)
-        bounds = one.get("origin_confidence", xr.full_like(one["origin"], np.nan)).values
+        bounds = bounds_of(one, "origin").values
         pairs = zip(one["origin"].values, bounds, strict=True)
         rows.append([view, *(with_bound(*(origin.factor * v for v in pair)) for pair in pairs)])
     told = f"Where the instrument stood, of {len(views)} views" if len(views) > 1 else ""

@@ -16,7 +16,7 @@ from rich.table import Table
 
 from sldvexp.dataset import VARIABLES, RunData, findings_of
 from sldvexp.lazy import xarray as xr
-from sldvexp.report.numbers import number, with_bound
+from sldvexp.report.numbers import bounds_of, number, with_bound
 from sldvexp.statistics import student_factor
 from sldvexp.typing import Array
 
@@ -185,7 +185,7 @@ def _of_references(modes: xr.Dataset) -> str:
 def _bounded(modes: xr.Dataset, name: str, scale: float) -> list[str]:
     """Write values times `scale` with bounds."""
     factor = scale * level_factor(modes)
-    bounds = modes.get(f"{name}_std", xr.full_like(modes[name], np.nan)).values
+    bounds = bounds_of(modes, name, "std").values
     values = zip(modes[name].values, bounds, strict=True)
     return [with_bound(scale * value, factor * std) for value, std in values]
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 
+from sldvexp.lazy import xarray as xr
+
 #: Size in a shown unit below which a number is rounding alone: no instrument sees a picometre.
 NOTHING = 1e-9
 #: Decimals of places in mm, and of angles in deg.
@@ -109,3 +111,20 @@ def with_bound(value: complex, bound: float) -> str:
     if value.imag:
         text += f" {'+' if value.imag >= 0 else '-'} {abs(value.imag):.{places}f}i"
     return f"{text} ± {bound:.{places}f}"
+
+
+def bounds_of(data: xr.Dataset, name: str, kind: str = "confidence") -> xr.DataArray:
+    """Find the bounds of a variable, NaN where none are given.
+
+    Parameters
+    ----------
+    kind : str
+        What the name of the bounds ends with.
+
+    Examples
+    --------
+    >>> bounds_of(xr.Dataset({"origin": ("axis", [0, 1])}), "origin").values
+    array([nan, nan])
+    """
+    # A place may be given in whole metres, and no integer says that there is no bound.
+    return data.get(f"{name}_{kind}", xr.full_like(data[name], math.nan, dtype=float))

@@ -17,7 +17,7 @@ from sldvexp.dataset import FREQUENCY, VARIABLES, RunData, is_void
 from sldvexp.field.bounds.budget import SOURCES
 from sldvexp.lazy import xarray as xr
 from sldvexp.report.key_numbers import on_surface, surface_name
-from sldvexp.report.numbers import angle_text, number, place_text, shown, with_bound
+from sldvexp.report.numbers import angle_text, bounds_of, number, place_text, shown, with_bound
 
 POSE = VARIABLES["pose"]
 VELOCITY = VARIABLES["field"]["velocity"]
@@ -68,7 +68,7 @@ def _pose_view_text(view: xr.Dataset, name: str) -> str:
     lines.append("Parameters - radians and meters")
     for variable, prefix in (("euler", ""), ("origin", "x0_")):
         index = "angle_index" if variable == "euler" else "axis"
-        bounds = view.get(f"{variable}_confidence", xr.full_like(view[variable], np.nan))
+        bounds = bounds_of(view, variable)
         for label in view[index].values:
             value, bound = (
                 float(view[variable].sel({index: label})),

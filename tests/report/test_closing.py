@@ -9,7 +9,8 @@ import pytest
 from rich.console import Console
 
 from sldvexp.dataset import Finding, RunData, Severity, findings_to_dataset, group
-from sldvexp.report import closing_lines, closing_table, image_text, print_closing
+from sldvexp.report import closing_lines, closing_table, image_text, pose_text, print_closing
+from sldvexp.report.key_numbers import key_numbers
 from sldvexp.report.tables import hot_spot_table, strain_table
 
 FILES = [Path("there/run.nc"), Path("there/pose.txt"), Path("there/report.html")]
@@ -189,3 +190,12 @@ def test_images_of_many_frequencies_tell_where_most_moves():
         "images of 1 view at 3 frequencies from 100 to 110 Hz, most motion at 105 Hz: "
         "r.m.s. 3.54 mm/s; where the instrument stood in 1 view, without bounds"
     )
+
+
+def test_a_pose_in_whole_metres_without_bounds_has_none(recwarn):
+    pose = group("pose", {"view": ["front"]}, origin=[[0, 0, 1]], euler=[[0, 0, 2]])
+    assert lines({"pose": pose})["found"].startswith("where the instrument stood in 1 view")
+    row = key_numbers(RunData({"pose": pose})).rows[0]
+    assert row[1:] == ["0 (no bound)", "0 (no bound)", "1000 (no bound)"]
+    assert "  x0_z =  1.000 (no bound)" in pose_text(pose)
+    assert not recwarn.list

@@ -31,7 +31,7 @@ from sldvexp.report.html.setup import views_table
 from sldvexp.report.html.shape import shape_of, shape_of_points, size_of
 from sldvexp.report.key_numbers import key_numbers
 from sldvexp.report.modal_tables import model_told
-from sldvexp.report.numbers import PLACES, number, place_text, with_bound
+from sldvexp.report.numbers import PLACES, bounds_of, number, place_text, with_bound
 from sldvexp.report.tables import (
     MOST_FREQUENCIES,
     field_tables,
@@ -141,7 +141,7 @@ def _given(view: xr.Dataset, name: str) -> Iterator[str]:
 def _with_bounds(view: xr.Dataset, name: str) -> Iterator[str]:
     factor = POSE[name].factor
     values = factor * view[name].values
-    bounds = view.get(f"{name}_confidence", xr.full_like(view[name], np.nan)).values
+    bounds = bounds_of(view, name).values
     for value, bound in zip(values, factor * bounds, strict=True):
         yield with_bound(value, bound)
 
