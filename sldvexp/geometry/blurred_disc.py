@@ -60,7 +60,7 @@ def part_of_disc(middle: Array, covariance: Array, nodes: int = NODES) -> Array:
     """
     covariance = np.broadcast_to(covariance, (*middle.shape, 2))
     away = np.linalg.norm(middle, axis=-1)
-    part = (away < 1.0).astype(float)
+    part = np.asarray(away < 1.0, float)
     near = np.abs(away - 1.0) < FAR * np.sqrt(np.trace(covariance, axis1=-2, axis2=-1))
     part[near] = _at_edge(middle[near], covariance[near], nodes)
     return part
