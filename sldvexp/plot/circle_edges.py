@@ -115,7 +115,11 @@ def panels_of_views(
     number = len(titles)
     columns = style.fitting(min(number, COLUMNS), least)
     size = (-(-number // columns), columns, ratio)
-    room: dict[str, Any] = {"beside": style.NUMBERS + more, "left": style.LEFT + more, "right": 0.15}
+    room: dict[str, Any] = {
+        "beside": style.NUMBERS + more,
+        "left": style.LEFT + more,
+        "right": 0.15,
+    }
     made, axes = style.sheet(*size, title, titles, **room, **shared)
     for axis in axes.ravel()[number:]:
         axis.remove()
