@@ -17,3 +17,4 @@ from . import report as report
 from . import rerun as rerun
 from . import show as show
 from . import site as site
+from . import truth as truth

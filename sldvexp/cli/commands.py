@@ -38,10 +38,11 @@ COMMANDS = (
     "report",
     "rerun",
     "show",
+    "truth",
 )
 
 #: Those that read what runs have left.
-OF_RUNS = ("compare", "export", "plot", "report", "rerun")
+OF_RUNS = ("compare", "export", "plot", "report", "rerun", "truth")
 
 #: Options that say which configuration is meant; a command takes no others.
 TAKEN = ("overrides", "config_dir")

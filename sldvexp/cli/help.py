@@ -240,6 +240,21 @@ COMMAND_HELP = {
         ),
         ((f"rerun {RUN}", "the same run again"),),
     ),
+    "truth": CommandHelp(
+        "<run> [scene=name]",
+        "how far a run in the virtual lab is from what was true there",
+        (
+            "Says of each view how far its pose is from where the instrument stood, and of each "
+            "component of the velocity how far it is from that of the plate, and how often its "
+            "bounds hold. A run that was measured with sldvexp-lab, also from the console, does "
+            "not know the scene that the lab had: scene= and --config-dir say it. Nothing is run "
+            "again.",
+        ),
+        (
+            (f"truth {RUN}", "of a run with instrument=simulated"),
+            (f"truth --config-dir lab {RUN} scene=practice", "of one measured with sldvexp-lab"),
+        ),
+    ),
 }
 
 

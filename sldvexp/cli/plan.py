@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import reduce
 from pathlib import Path
 from typing import cast
@@ -232,9 +233,10 @@ def told(found: StandPlan, action: str, experiment: Experiment) -> Iterator[str]
     which = "largest" if found.goal.criterion is PlanCriterion.worst else "r.m.s."
     asked = f"asked for, the {which} bound of {of}: {1e3 * found.asked:.3g} mm/s"
     if found.undetermined:
+        are = "is" if found.undetermined == 1 else "are"
         yield (
-            f"{found.undetermined} of {len(found.place.nodes)} nodes are seen by too few stands to "
-            "determine all components there; the table is of the others; more stands help, or a "
+            f"{found.undetermined} of {len(found.place.nodes)} nodes {are} seen by too few stands "
+            "to determine all components there; the table is of the others; more stands help, or a "
             "wider plan.room.incidence"
         )
     else:
@@ -246,6 +248,9 @@ def told(found: StandPlan, action: str, experiment: Experiment) -> Iterator[str]
             f"strain over the gage of {1e3 * found.gage.length:.3g} mm, at {hertz:g} Hz: "
             f"{1e6 * strain:.3g} microstrain"
         )
+    if action != "check" and (limited := _circles_limit(found, experiment)):
+        yield limited
+    yield from planner.circle_limits.hidden_told(found.stands, found.place)
     if action == "check":
         yield from _not_seen(found)
         yield from planner.circle_lines.too_short(found.stands, found.place, experiment.scan)
@@ -254,6 +259,13 @@ def told(found: StandPlan, action: str, experiment: Experiment) -> Iterator[str]
         "of every place by itself; poses and the size of elements add to them, a thin shell "
         "lessens them"
     )
+
+
+def _circles_limit(found: StandPlan, experiment: Experiment) -> str:
+    """Say that circles limit the stands, by places all around that are drawn anew."""
+    place = found.place
+    place = replace(place, room=place.room.for_new_stands()).thinned()
+    return planner.circle_limits.around(place, np.random.default_rng(experiment.seed))
 
 
 def _noise_of(experiment: Experiment) -> str:

@@ -1,3 +1,4 @@
+from . import circle_limits as circle_limits
 from . import circle_lines as circle_lines
 from . import figure as figure
 from . import files as files

@@ -44,6 +44,8 @@ BESIDE = 0.015
 FLAT, THIN = 0.2, 1e-3
 #: Corners of a region are told to a tenth of a millimetre.
 DECIMALS_OF_REGION = 4
+#: Incidence at which the edges of circles are still found well, deg.
+OBLIQUE = 72.0
 #: Points on the rim of each circle that beams must reach.
 RIM = 8
 

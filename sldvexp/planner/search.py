@@ -15,7 +15,7 @@ import numpy as np
 
 from sldvexp.errors import UserError
 from sldvexp.planner.criterion import Goal, covariance_of
-from sldvexp.planner.place import SETTING_OF, Place, StandExamination
+from sldvexp.planner.place import OBLIQUE, SETTING_OF, Place, StandExamination, Unseen
 from sldvexp.planner.turning import turned_towards
 from sldvexp.typing import Array
 
@@ -60,7 +60,7 @@ def candidates(place: Place, count: int, rng: np.random.Generator) -> FeasiblePl
     """
     found: StandExamination | None = None
     for _ in range(-(-MOST_TRIED * count // AT_ONCE)):
-        origins = _drawn(place, rng)
+        origins = drawn(place, rng)
         some = examined(place, origins[place.allowed(origins)])
         some = some.take(some.share > 0)
         found = some if found is None else found.and_also(some)
@@ -70,7 +70,7 @@ def candidates(place: Place, count: int, rng: np.random.Generator) -> FeasiblePl
             break
     assert found is not None
     if not len(good):
-        raise UserError(_none_of(place, _drawn(place, rng)))
+        raise UserError(_none_of(place, drawn(place, rng)))
     return FeasiblePlaces(found.take(good[:count]), least)
 
 
@@ -82,7 +82,7 @@ def _least(place: Place, found: StandExamination) -> float:
     return 1.0 if best == 1.0 or best == 0.0 else best / 2
 
 
-def _drawn(place: Place, rng: np.random.Generator) -> Array:
+def drawn(place: Place, rng: np.random.Generator) -> Array:
     """Draw places around the middle of the surface, on its side if it has one."""
     normal = place.frame[:, 2].mean(axis=0)
     sided = np.linalg.norm(normal) > ONE_SIDED and not place.both_sides
@@ -113,9 +113,11 @@ def _none_of(place: Place, origins: Array) -> str:
     counts = sorted(((int(out.sum()), reason) for reason, out in forbids.items()), reverse=True)
     (most, first), *others = counts
     more = ", ".join(f"{SETTING_OF[reason]} {times}" for times, reason in others[:2] if times)
+    oblique = first is Unseen.target_incidence and place.room.incidence < OBLIQUE
+    wider = f" (circles are still found at plan.room.incidence={OBLIQUE:g})" if oblique else ""
     return (
         f"plan: no stand is feasible: {SETTING_OF[first]} forbids {most} of {len(origins)} places "
-        f"({first.told}){f', {more}' if more else ''}; widen that limit, or move the object"
+        f"({first.told}){f', {more}' if more else ''}; widen that limit{wider}, or move the object"
     )
 
 

@@ -17,6 +17,7 @@ import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis, XAxis, YAxis
+from matplotlib.font_manager import FontProperties
 from matplotlib.ticker import MaxNLocator, NullLocator
 
 from sldvexp.plot.paper import POINTS, long
@@ -198,12 +199,15 @@ class _SharedTickX(_SharedTickAxis, XAxis):
         One of them is what letters of whole dots on a screen may be wider than in print.
         """
         places = places[self._in_view(places)]
-        size = float(matplotlib.rcParams["xtick.labelsize"])
+        if len(places) < 2:
+            return True
+        size = FontProperties(size=matplotlib.rcParams["xtick.labelsize"]).get_size_in_points()
         wide = [long(text, size) for text in self.major.formatter.format_ticks(places)]
         at = self.axes.transData.transform(np.column_stack([places, 0 * places]))[:, 0]
-        between = np.abs(np.diff(at)) / self.get_figure(root=True).dpi
+        figure: Any = self.get_figure(root=True)
+        between = np.abs(np.diff(at)) / figure.dpi
         needed = np.convolve(wide, [0.5, 0.5], "valid") + long("00", size)
-        return bool((between >= needed[: len(between)]).all())
+        return bool((between >= needed).all())
 
     def _go(self, line: Any, along: Array, across: Array) -> None:
         line.set_data(along, across)

@@ -1,0 +1,56 @@
+"""Sentences on stands that the calibration object limits."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from sldvexp.config.experiment import Experiment
+from sldvexp.config.planning import PlanRoom
+from sldvexp.errors import UserError
+from sldvexp.laser import TwoMirror
+from sldvexp.planner.circle_limits import around, hidden_told
+from sldvexp.planner.images import stand_at
+from sldvexp.planner.place import Place
+from sldvexp.planner.search import candidates
+from sldvexp.targets import Circle, Circles, Plane
+from sldvexp.units import LengthUnit
+from sldvexp.volume import Grid
+
+
+def place(incidence=60.0, forward=100.0, faces=("front", "top")):
+    """A plate beside a box whose front is so many mm before it, with circles on some faces."""
+    front = {1: Circle(20, 20, 30.0), 2: Circle(180, 25, 30.0), 4: Circle(30, 120, 30.0)}
+    top = {5: Circle(30, 40, 30.0, "top"), 6: Circle(160, 60, 30.0, "top")}
+    circles = (front if "front" in faces else {}) | (top if "top" in faces else {})
+    planes = {
+        "front": Plane([0.0, 0.0, forward], [0.0, 0.0, 1.0]),
+        "top": Plane([0.0, 150.0, forward], [0.0, 1.0, 0.0]),
+    }
+    target = Circles(unit=LengthUnit.mm, circles=circles, planes=planes, accuracy=0.05)
+    volume = Grid(center=[0.5, 0.075, 0.0], size=[0.46, 0.31], shape=[7, 5], layers=2)
+    experiment = Experiment(volume=volume, laser=TwoMirror(), target=target)
+    experiment.plan.room = PlanRoom(incidence=incidence)
+    return Place.from_experiment(experiment)
+
+
+def test_circles_on_two_faces_limit_the_stands_and_those_on_one_do_not():
+    told = around(place(), np.random.default_rng(0))
+    assert "circles of the calibration object limit the stands" in told
+    assert told.endswith("try plan.room.incidence=72")
+    assert around(place(incidence=72.0), np.random.default_rng(0)) == ""
+    assert around(place(faces=("front",)), np.random.default_rng(0)) == ""
+
+
+def test_where_circles_forbid_every_stand_the_incidence_is_said_that_allows_some():
+    with pytest.raises(UserError, match="circles are still found at plan.room.incidence=72"):
+        candidates(place(incidence=45.0), 50, np.random.default_rng(0))
+
+
+def test_circles_that_the_plate_hides_are_told():
+    """From the right the edge of the plate is before a circle that lies 60 mm behind its plane."""
+    away = np.array([1.455, 1.081, 0.585])
+    behind, before = place(72.0, forward=0.0), place(72.0, forward=100.0)
+    (told,) = hidden_told([stand_at("3", away, behind)], behind)
+    assert told.startswith("stand 3: the structure hides circle 6 of the calibration object; ")
+    assert list(hidden_told([stand_at("3", away, before)], before)) == []
