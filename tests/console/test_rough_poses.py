@@ -172,10 +172,13 @@ def test_no_wrong_mark_drops_the_rough_pose(rough, circles, pairs, told):
         assert np.hypot(*(found.predicted["circle", number] - true)) < 150
 
 
-def test_right_marks_do_not_doubt_a_rough_pose_within_its_errors(rough, lab_experiment, circles):
+@pytest.mark.parametrize("times", [2, pytest.param(6, marks=pytest.mark.whole)])
+def test_right_marks_do_not_doubt_a_rough_pose_within_its_errors(
+    rough, lab_experiment, circles, times
+):
     rng = np.random.default_rng(4)
     true = lab_experiment.scene.views["1"]
-    for _ in range(6):
+    for _ in range(times):
         turned = (np.array(true.euler) + rng.normal(0, 0.03, 3)).tolist()
         pose = KnownPose(turned, (true.place + rng.normal(0, 0.04, 3)).tolist())
         scan = replace(rough.scan, poses={"1": pose})
@@ -284,7 +287,8 @@ def test_search_each_circle_and_the_image_are_pictures_that_hold_all_their_lines
     assert shares == sorted(shares)
 
 
-def test_clicks_as_good_as_a_pixel_of_the_page_do_not_contradict_one_another():
+@pytest.mark.parametrize("times", [5, pytest.param(20, marks=pytest.mark.whole)])
+def test_clicks_as_good_as_a_pixel_of_the_page_do_not_contradict_one_another(times):
     """On a board of fine steps a click at a circle is hundreds of them beside its middle."""
     fine = experiment(["experiment=plate", "laser.board=bits_16"])
     lab = VirtualLab(fine.scene, fine.laser, fine.target, 0)
@@ -292,7 +296,7 @@ def test_clicks_as_good_as_a_pixel_of_the_page_do_not_contradict_one_another():
     truth = lab.true_dac(rims.mean(axis=1))
     look = Outlook(fine, {CIRCLE: [1, 2, 3, 4]})
     rng = np.random.default_rng(3)
-    for _ in range(20):
+    for _ in range(times):
         clicks = np.rint(truth + rng.normal(0, 50, truth.shape)).astype(int).tolist()
         told = look.of({(CIRCLE, k): tuple(c) for k, c in enumerate(clicks, 1)}, "none").told
         assert "contradict" not in told

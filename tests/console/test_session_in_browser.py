@@ -100,7 +100,7 @@ def test_browser_that_is_killed_leaves_a_scan_that_waits_for_the_next_one(served
     page.aim(lab, "1")
     page.click("start")
     page.until(lambda: page.js("return document.getElementById('image').cells.count") > 0)
-    page._process.kill()
+    page.kill()
     other = Page(served.address, DESKTOP)
 
     def done():

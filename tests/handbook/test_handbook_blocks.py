@@ -41,7 +41,11 @@ BLOCK = re.compile(r"^```(\w*)([^\n]*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 KINDS = {"console", "python", "yaml", "text", "sh", "csv"}
 
 #: The session that bare `sldvexp` runs, with few pixels and nodes.
-SMALL = ("volume.shape=[9, 7]", "volume.layers=3", "scan.structure.pixels=[17, 21]", "report=none")
+SMALL = (
+    *("volume.shape=[9, 7]", "volume.layers=3", "scan.structure.pixels=[13, 15]", "report=none"),
+    *(f"scan.{part}.sampling.samples=256" for part in ("calibration", "structure")),
+    "scan.calibration.fine.lines=16",
+)
 #: Attributes that other programs ask for, or that say nothing of the run.
 UNTOLD = ("Conventions", "title")
 #: How the first page runs it, which here is done once for all pages.

@@ -49,6 +49,7 @@ def test_modal_images_become_mode_shapes_with_bounds(sldvexp, reconstruction, ma
     assert tree["image"].children.keys() == tree["modes/image"].children.keys()
 
 
+@pytest.mark.whole
 def test_without_a_reconstruction_there_are_modal_images_alone(sldvexp):
     done = sldvexp(*SMALL, "~reconstruction")
     assert done.status == 0, done.err

@@ -16,6 +16,7 @@ SCAN = [
 DRIVEN = {"corner": (0.020, -0.015), "edge": (0.008, 0.015)}
 
 
+@pytest.mark.whole
 def test_scans_with_the_exciter_at_two_places_tell_two_modes_of_one_frequency(sldvexp):
     runs = []
     for seed, (first, second) in enumerate(DRIVEN.values()):

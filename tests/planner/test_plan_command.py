@@ -122,7 +122,7 @@ def looks_at(table: str) -> list[str]:
     return [line.split("│")[3].strip() for line in table.splitlines() if line.startswith("│ ")]
 
 
-@pytest.mark.one_in(2)
+@pytest.mark.whole
 @pytest.mark.parametrize("unit", ["m", "mm"])
 def test_a_plan_without_any_rough_pose_has_them_for_all_that_follows(sldvexp, unit):
     Path("lab/laser").mkdir(parents=True)
@@ -155,6 +155,7 @@ def test_a_plan_without_any_rough_pose_has_them_for_all_that_follows(sldvexp, un
     ]
 
 
+@pytest.mark.whole
 def test_poses_that_are_given_but_not_yet_known_are_what_a_plan_writes(sldvexp):
     done = sldvexp("plan", *QUICK, "pose=given", "plan.stands=3", "--to", "lab")
     assert (done.status, done.err) == (0, "")

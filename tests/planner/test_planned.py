@@ -78,6 +78,7 @@ def test_the_same_seed_gives_the_same_stands_and_another_one_others():
     assert one.asked == pytest.approx(other.asked, rel=0.02)
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("thickness", [0.0002, 0.036])
 def test_a_planned_view_images_what_it_sees_of_the_volume_and_little_beside(thickness):
     e = composed("experiment=plate", *SMALL, "plan.stands=3", f"volume.thickness={thickness}")
@@ -94,8 +95,8 @@ def test_a_planned_view_images_what_it_sees_of_the_volume_and_little_beside(thic
 
 
 def test_all_planned_stands_keep_the_limits():
-    found = planner.plan(composed("experiment=plate", *SMALL, "plan.stands=6"))
-    assert len(found.stands) == found.new == 6
+    found = planner.plan(composed("experiment=plate", *SMALL, "plan.stands=4"))
+    assert len(found.stands) == found.new == 4
     assert (found.examined.refused == 0).all()
     assert found.examined.seen.all()
     low, high = found.place.laser.board.value

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 import xarray as xr
+from matplotlib.figure import Figure
 
 from sldvexp import dataset
 from sldvexp.plot import figures_of
@@ -34,10 +35,18 @@ def tree(run_file) -> xr.DataTree:
         return opened.load()
 
 
-@pytest.fixture(scope="session")
-def figures(tree):
-    """Every figure of the session, laid out."""
-    made = {name: draw() for name, draw in figures_of(tree).items()}
-    for figure in made.values():
+class Drawn(dict[str, Figure]):
+    """Every figure of the session, laid out when it is first looked at."""
+
+    def __init__(self, tree: xr.DataTree) -> None:
+        self._draw = figures_of(tree)
+
+    def __missing__(self, name: str) -> Figure:
+        figure = self[name] = self._draw[name]()
         figure.draw_without_rendering()
-    return made
+        return figure
+
+
+@pytest.fixture(scope="session")
+def figures(tree) -> Drawn:
+    return Drawn(tree)

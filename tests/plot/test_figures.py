@@ -74,8 +74,9 @@ def test_groups_without_a_folder_have_no_scan_lines(tree, run_file):
     "name", [pytest.param(n, marks=[pytest.mark.long] * (n == "scan_lines")) for n in SHOWN]
 )
 def test_labels_are_inside_and_apart(figures, name):
+    figure = figures[name]
     with matplotlib.rc_context(SETTINGS):  # as it is saved
-        labels_are_inside_and_apart(figures[name])
+        labels_are_inside_and_apart(figure)
 
 
 def labels_are_inside_and_apart(figure):

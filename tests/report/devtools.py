@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import base64
 import fcntl
 import json
@@ -11,6 +12,7 @@ import shutil
 import subprocess
 import tempfile
 import time
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -46,8 +48,8 @@ KEYS = {
 WRITTEN = {" ": " ", "Enter": "\r"}
 
 
-class Browser:
-    """A headless Chromium with one page, whose console and requests are kept."""
+class Chromium:
+    """A headless Chromium in a process of its own, which all pages of these tests share."""
 
     def __init__(self) -> None:
         self._folder = tempfile.mkdtemp()
@@ -58,7 +60,7 @@ class Browser:
             os.dup2(read, 3)
             os.dup2(write, 4)
 
-        self._process = subprocess.Popen(
+        self.process = subprocess.Popen(
             [str(PATH), *OPTIONS, f"--user-data-dir={self._folder}", "about:blank"],
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
@@ -68,40 +70,91 @@ class Browser:
         os.close(ours[0])
         os.close(theirs[1])
         self._to, self._from, self._rest, self._count = ours[1], theirs[0], b"", 0
-        self._session: str | None = None
-        self.events: list[dict[str, Any]] = []
-        targets = self.command("Target.getTargets")["targetInfos"]
-        page = next(t for t in targets if t["type"] == "page")["targetId"]
-        attached = self.command("Target.attachToTarget", targetId=page, flatten=True)
-        self._session = attached["sessionId"]
-        for domain in ("Page", "Runtime", "Log", "Network"):
-            self.command(f"{domain}.enable")
+        #: What pages said without being asked, by their sessions.
+        self.events: dict[str, list[dict[str, Any]]] = {}
+        atexit.register(self.close)
 
-    def command(self, method: str, **parameters: Any) -> dict[str, Any]:
-        """Give a command and wait for its answer."""
+    def command(self, session: str | None, method: str, **parameters: Any) -> dict[str, Any]:
+        """Give a command, to a page or to the browser itself, and wait for its answer."""
         self._count += 1
         told = {"id": self._count, "method": method, "params": parameters}
-        if self._session:
-            told["sessionId"] = self._session
+        if session:
+            told["sessionId"] = session
         text = json.dumps(told).encode() + b"\0"
         while text:
             text = text[os.write(self._to, text) :]
-        own = self._count
-        while True:
-            answer = self._next()
-            if answer.get("id") == own:
-                assert "error" not in answer, (method, answer["error"])
-                return answer["result"]
-            self.events.append(answer)
+        while (answer := self.hear()).get("id") != self._count:
+            pass
+        assert "error" not in answer, (method, answer["error"])
+        return answer["result"]
 
-    def _next(self) -> dict[str, Any]:
+    def hear(self) -> dict[str, Any]:
+        """Wait for what is said next, and keep it with its page if nobody asked for it."""
         while b"\0" not in self._rest:
             assert select.select([self._from], [], [], PATIENCE)[0], "the browser says nothing"
             more = os.read(self._from, 1 << 20)
             assert more, "the browser has ended"
             self._rest += more
         text, _, self._rest = self._rest.partition(b"\0")
-        return json.loads(text)
+        said = json.loads(text)
+        if "id" not in said and (events := self.events.get(said.get("sessionId", ""))) is not None:
+            events.append(said)
+        return said
+
+    def close(self) -> None:
+        """End the browser and what it kept."""
+        atexit.unregister(self.close)
+        try:
+            self.command(None, "Browser.close")
+        except (AssertionError, OSError):
+            self.process.terminate()
+        self.process.wait(timeout=PATIENCE)
+        for end in (self._to, self._from):
+            os.close(end)
+        shutil.rmtree(self._folder, ignore_errors=True)
+
+
+#: The browser of this process, once a page was asked for.
+_running: list[Chromium] = []
+
+
+def running() -> Chromium:
+    """Give the browser of this process, which begins with its first page."""
+    if _running and _running[0].process.poll() is not None:
+        _running.pop().close()
+    if not _running:
+        _running.append(Chromium())
+    return _running[0]
+
+
+class Browser:
+    """A page as a browser of its own has it, whose console and requests are kept.
+
+    It shares the process with others, and neither their files, cookies nor focus.
+    """
+
+    def __init__(self) -> None:
+        self._chromium = running()
+        self._session: str | None = None
+        self._context = self.command("Target.createBrowserContext")["browserContextId"]
+        page = self.command(
+            "Target.createTarget", url="about:blank", browserContextId=self._context, newWindow=True
+        )
+        attached = self.command("Target.attachToTarget", targetId=page["targetId"], flatten=True)
+        self._session = attached["sessionId"]
+        self._chromium.events[self._session] = []
+        for domain in ("Page", "Runtime", "Log", "Network"):
+            self.command(f"{domain}.enable")
+        self.command("Emulation.setFocusEmulationEnabled", enabled=True)
+
+    @property
+    def events(self) -> list[dict[str, Any]]:
+        """What the page said without being asked since it was opened."""
+        return self._chromium.events[str(self._session)]
+
+    def command(self, method: str, **parameters: Any) -> dict[str, Any]:
+        """Give a command and wait for its answer."""
+        return self._chromium.command(self._session, method, **parameters)
 
     def size(self, width: int, height: int) -> None:
         """Set the size of the page."""
@@ -119,10 +172,10 @@ class Browser:
 
     def open_address(self, address: str) -> None:
         """Open a page by its address, and forget what others said."""
-        self.events = []
+        self.events.clear()
         self.command("Page.navigate", url=address)
         while not any(e["method"] == "Page.loadEventFired" for e in self.events):
-            self.events.append(self._next())
+            self._chromium.hear()
 
     def js(self, code: str, *arguments: Any) -> Any:
         """Run the body of a function with arguments and give what it returns."""
@@ -193,13 +246,13 @@ class Browser:
         return [e["params"]["request"]["url"] for e in self.events if e["method"] == asked]
 
     def close(self) -> None:
-        """End the browser and what it kept."""
-        try:
-            self._session = None
-            self.command("Browser.close")
-        except (AssertionError, OSError):
-            self._process.terminate()
-        self._process.wait(timeout=PATIENCE)
-        for end in (self._to, self._from):
-            os.close(end)
-        shutil.rmtree(self._folder, ignore_errors=True)
+        """End the page and what it kept, if the browser was not killed."""
+        with suppress(AssertionError, OSError):
+            told = {"browserContextId": self._context}
+            self._chromium.command(None, "Target.disposeBrowserContext", **told)
+        del self._chromium.events[str(self._session)]
+
+    def kill(self) -> None:
+        """End the browser in the middle of what it does, with all its pages."""
+        self._chromium.process.kill()
+        self._chromium.process.wait(timeout=PATIENCE)

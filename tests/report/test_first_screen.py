@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -162,8 +163,11 @@ def test_pages_have_no_words_of_a_program(run_file, small_points, no_figures):
 
 @pytest.fixture
 def cut_off(tmp_path):
-    """The folder of a run that was interrupted in its second view."""
-    folder = tmp_path / "cut"
+    return interrupted_run(tmp_path / "cut")
+
+
+def interrupted_run(folder: Path) -> Path:
+    """Make the folder of a run that was interrupted in its second view."""
     for name in ("1/1_fine_000.npz", "1/image_000.npz", "2/1_coarse_000.npz"):
         file = folder / "journal" / name
         file.parent.mkdir(parents=True, exist_ok=True)

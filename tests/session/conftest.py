@@ -22,7 +22,7 @@ VIEWS = (
 )
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def composed() -> Callable[..., Experiment]:
     """The plugins of a configuration: the virtual plate from two views, and what is chosen."""
 

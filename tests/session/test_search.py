@@ -156,11 +156,17 @@ def test_a_search_that_was_cut_off_or_is_replayed_comes_out_the_same(composed, t
 OTHER = {"harmonics": 3, "refine": True, "intercept": Intercept.never}
 
 
-def test_a_recording_is_processed_by_another_estimator_where_its_lines_are(composed, tmp_path):
-    e = session(composed, 1.0, 20.0)
-    found = scan_views(e, tmp_path / JOURNAL)
+@pytest.fixture(scope="module")
+def recorded(composed, tmp_path_factory):
+    """A session, the folder of its recording, and what it found."""
+    e, folder = session(composed, 1.0, 20.0), tmp_path_factory.mktemp("recorded")
+    return e, folder, scan_views(e, folder / JOURNAL)
+
+
+def test_a_recording_is_processed_by_another_estimator_where_its_lines_are(recorded, tmp_path):
+    e, folder, found = recorded
     signal = replace(e.signal, **OTHER)
-    other = replace(e, signal=signal, instrument=Replay(str(tmp_path)), scene=None)
+    other = replace(e, signal=signal, instrument=Replay(str(folder)), scene=None)
     again = scan_views(other, tmp_path / "other")
     assert list(again) == list(found)
     for name, group in found.items():
@@ -182,15 +188,14 @@ def test_a_recording_is_processed_by_another_estimator_where_its_lines_are(compo
     ],
     ids=lambda c: "-".join([*c, *next(iter(c.values()))]),
 )
-def test_a_recording_is_not_taken_for_one_of_other_lines(composed, tmp_path, changed):
-    e = session(composed, 1.0, 20.0)
-    scan_views(e, tmp_path / JOURNAL)
+def test_a_recording_is_not_taken_for_one_of_other_lines(recorded, tmp_path, changed):
+    e, folder, _ = recorded
     scan = e.scan.calibration
     for name, values in changed.items():
         scan = replace(scan, **{name: replace(getattr(scan, name), **values)})
     e = replace(e, scan=replace(e.scan, calibration=scan))
     with pytest.raises(InstrumentError, match="a recording can only be scanned as it was"):
-        scan_views(replace(e, instrument=Replay(str(tmp_path)), scene=None), tmp_path / "other")
+        scan_views(replace(e, instrument=Replay(str(folder)), scene=None), tmp_path / "other")
 
 
 @pytest.mark.long
