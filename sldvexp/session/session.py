@@ -112,10 +112,11 @@ def scan_views(
             "scan: the rest of every view was skipped, and nothing is left to go on with"
         )
     watcher.session_done()
+    found = joined(found)
     first = next(iter(found))
     if told:
         found[first] = with_findings(found[first], told)
-    return joined(found)
+    return found
 
 
 def measured_by(experiment: Any) -> dict[str, object]:

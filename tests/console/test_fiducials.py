@@ -9,6 +9,7 @@ from sldvexp.config.experiment import Experiment
 from sldvexp.console.bench import AimingBench
 from sldvexp.console.marks import FIDUCIAL, AimedMarks, wanted
 from sldvexp.console.scanning import Asked, Scanning
+from sldvexp.dataset.findings import take_findings
 from sldvexp.instrument import InstrumentError
 from sldvexp.session.session import scan_views
 from sldvexp.virtual_lab import VirtualLab
@@ -83,3 +84,34 @@ def test_nobody_digitises_who_only_pointed():
 
 def test_scan_without_marks_of_its_own_wants_nothing():
     assert wanted(Experiment(scan=experiment(["experiment=plate"]).scan.pixels)) == {}
+
+
+@pytest.mark.whole
+def test_mark_that_is_aimed_anew_replaces_a_kept_one_that_gives_no_trouble(
+    by_hand, lab, board, wishes, tmp_path
+):
+    numbers = wanted(by_hand)[FIDUCIAL]
+    steps = dict(zip(numbers, map(tuple, true_steps(by_hand, lab)), strict=True))
+    made = experiment([*HAND, "scan.views={a: {hidden: []}}"])
+
+    def scanned(marks):
+        watcher = Scanning(made, board, wishes)
+        found = scan_views(made, tmp_path, Asked(watcher, marks), watcher=watcher)
+        watcher.end()
+        dac = found["registration"]["dac"].values[0].tolist()
+        return dict(zip(numbers, map(tuple, dac), strict=True)), take_findings(found)
+
+    marks = AimedMarks()
+    for number, place in steps.items():
+        marks.put("a", (FIDUCIAL, number), place)
+    assert scanned(marks) == (steps, [])
+    # One step beside is no trouble for anybody, and still what was taken last.
+    up, left = steps[numbers[1]]
+    marks.put("a", (FIDUCIAL, numbers[1]), (up + 1, left))
+    found, told = scanned(marks)
+    assert found == steps | {numbers[1]: (up + 1, left)}
+    assert [finding.text for finding in told] == [
+        f"in view a, mark {numbers[1]} counts as it was aimed last, {up + 1} {left}, in place of "
+        f"{up} {left}"
+    ]
+    assert scanned(marks) == (found, [])

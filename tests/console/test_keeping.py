@@ -119,7 +119,8 @@ def test_view_that_is_aimed_anew_is_scanned_anew_and_the_other_is_kept(bench):
     assert not [name for name in kept if name.startswith("2/") and "fine" not in name]
     # What the first run has measured is as it was.
     assert bench.measured(0) == first
-    assert bench.seen.topics["scan"]["facts"]["not scanned anew"] == f"view 1 of {bench.runs[0]}"
+    facts = bench.seen.look()["scan"]["facts"]
+    assert facts["not scanned anew"] == f"view 1 of {bench.runs[0]}"
     assert bench.ahead["label"] == "Scan all views anew"
 
 

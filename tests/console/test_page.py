@@ -305,9 +305,11 @@ def test_names_stand_beside_circles_and_corners_and_cover_none(served, size):
         page.until(lambda: len(page.js(DRAWN)["names"]) == 8)
         for nearer in (False, True):
             if nearer:
+                before = page.text("window")
                 page.js("document.getElementById('field').focus()")
                 page.key("+")
-                page.until(lambda: len(page.js(DRAWN)["names"]) < 8)
+                page.until(lambda before=before: page.text("window") != before)
+                page.js("return new Promise((drawn) => requestAnimationFrame(() => drawn(1)))")
             drawn = page.js(DRAWN)
             boxes = [name["box"] for name in drawn["names"]]
             for k, (left, top, right, bottom) in enumerate(boxes):
