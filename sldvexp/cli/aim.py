@@ -40,6 +40,8 @@ WORDS = {
     "dac": "steps up_down,left_right",
     "unit": "a unit of length",
 }
+#: Numbers with commas between them, which no setting is.
+NUMBERS = re.compile(r"[-+.,\d]*,[-+.,\d]*")
 #: Corners of the box that a scan images.
 BOX = 4
 
