@@ -6,6 +6,7 @@ of steps by the pose.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
@@ -39,6 +40,8 @@ WORDS = {
     "dac": "steps up_down,left_right",
     "unit": "a unit of length",
 }
+#: Numbers with commas between them, which no setting is.
+NUMBERS = re.compile(r"[-+.,\d]*,[-+.,\d]*")
 #: Corners of the box that a scan images.
 BOX = 4
 
@@ -111,6 +114,13 @@ def run(words: list[str], config_dir: str | None) -> int:
     for word in words:
         name, equals, value = word.partition("=")
         asked[name].append(value) if equals and name in WORDS else rest.append(word)
+        if (
+            name.isidentifier()
+            and name not in WORDS
+            and re.fullmatch(r"[-+.,\d]*,[-+.,\d]*", value)
+        ):
+            told = nearest(name, WORDS)
+            raise UserError(f"command line: aim takes no {word}; {told} (at= is a point, m)")
     unit = LengthUnit.m
     for value in asked["unit"]:
         unit = unit_named(LengthUnit, value, "command line: unit")
@@ -183,7 +193,13 @@ def of_settings(words: list[str], config_dir: str | None) -> tuple[list[PosedVie
     UserError
         If they are no configuration, or say no pose.
     """
-    if wrong := Origins(words).unreadable:
+    wrong = Origins(words).unreadable
+    if wrong and (Path(wrong[0]).is_dir() or wrong[0].endswith(".nc")):
+        raise UserError(
+            f"command line: aim takes the folder of a run, {wrong[0]}, or settings, not both; "
+            "what a run was made with is known from it"
+        )
+    if wrong:
         raise UserError(
             f"command line: {wrong[0]} is neither a run nor a setting; aim takes the folder of a "
             f"run, or settings as experiment=plate, and {', '.join(f'{name}=' for name in WORDS)}"

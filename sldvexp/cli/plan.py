@@ -24,7 +24,7 @@ from sldvexp.config.paths import RUN_FILE
 from sldvexp.config.planning import PlanCriterion, PlanRoom
 from sldvexp.config.refusals import refusal
 from sldvexp.dataset import RunData
-from sldvexp.errors import UserError
+from sldvexp.errors import UserError, nearest
 from sldvexp.planner.images import Stand
 from sldvexp.planner.place import SETTING_OF, Place, Unseen
 from sldvexp.planner.planned import USUAL_NOISE, StandPlan, sampling_of
@@ -58,6 +58,12 @@ def run(
     settings = [word for word in words if word not in named]
     action = named[0] if named and named[0] in ACTIONS else ""
     folders = named[1:] if action else named
+    if named and not action and not Path(named[0]).exists():
+        told = nearest(named[0], ACTIONS)
+        raise UserError(
+            f"command line: there is no plan {named[0]}; {told}; plan alone finds stands, and a "
+            "setting is key=value"
+        )
     if len(folders) > 1 or (folders and not action):
         raise UserError(
             f"command line: plan takes settings, and behind next or check the folder of one run, "

@@ -8,7 +8,7 @@ from enum import Enum
 from typing import Any, Self
 
 from sldvexp.errors import Checks
-from sldvexp.units import VelocityUnit
+from sldvexp.units import LengthUnit, VelocityUnit, beyond_belief
 
 #: Noise of a vibrometer that is one of another unit, m/s r.m.s.
 LOUDEST = 1.0
@@ -114,6 +114,9 @@ class PlanRoom:
 
     def check(self, checks: Checks, name: str) -> None:
         """Note under `name` what no room can be."""
+        for key in ("distance", "low", "high"):
+            told = beyond_belief(LengthUnit.m, *(v for v in getattr(self, key) if v is not None))
+            checks.require(not told, f"{name}.{key}", f"{told} (plan.room is in m)")
         pair = len(self.distance) == 2 and 0 < self.distance[0] < self.distance[1] < math.inf
         message = f"must be a nearest and a larger farthest distance, m, not {self.distance}"
         checks.require(pair or not self.distance, f"{name}.distance", message)

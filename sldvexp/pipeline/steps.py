@@ -399,32 +399,7 @@ def _reconstruct(
 
 def _truth(run: Run) -> None:
     """Add what truly happens at the field's nodes, which only a virtual lab can tell."""
-    run.tree["truth"] = truth_of(run.experiment, run.tree)
-
-
-def truth_of(e: Experiment, tree: Mapping[str, xr.Dataset]) -> xr.Dataset:
-    """Compute what truly happens in an experiment's scene at the nodes of a field; group ``truth``.
-
-    Parameters
-    ----------
-    e : Experiment
-        With a scene of a plate, and a scan of it.
-    tree : mapping of str to xarray.Dataset
-        Groups of the run, ``field`` and, if there is one, a strain.
-    """
-    field = tree["field"]
-    images = [part for part in e.scan.parts(e.scan.view_names()[0]) if part.kind == "image"]
-    names = (n for n in tree if n == "strain" or n.startswith(COMPARED_STRAIN))
-    strain = next((tree[name] for name in names), None)
-    hertz = field["frequency"].values
-    return virtual_lab.plate.truth_to_dataset(
-        e.scene,
-        field["position"].values,
-        hertz,
-        images[0].sampling.amplitude_at(hertz),
-        None if strain is None else strain["position"].values,
-        None if strain is None else strain["frame"].values,
-    )
+    run.tree["truth"] = virtual_lab.field_truth.truth_of(run.experiment, run.tree, COMPARED_STRAIN)
 
 
 def _checks(run: Run) -> None:

@@ -202,7 +202,8 @@ class _SharedTickX(_SharedTickAxis, XAxis):
         if len(places) < 2:
             return True
         size = FontProperties(size=matplotlib.rcParams["xtick.labelsize"]).get_size_in_points()
-        wide = [long(text, size) for text in self.major.formatter.format_ticks(places)]
+        formatter: Any = self.major.formatter
+        wide = [long(text, size) for text in formatter.format_ticks(places)]
         at = self.axes.transData.transform(np.column_stack([places, 0 * places]))[:, 0]
         figure: Any = self.get_figure(root=True)
         between = np.abs(np.diff(at)) / figure.dpi

@@ -261,8 +261,8 @@ def require_same(
         if kept.source.get(name, value) != value:
             raise UserError(
                 f"{folder}: has scan lines of {name}={kept.source[name]}, and lines of "
-                f"{name}={value} would be mixed with them; leave {name} as it was, or start the "
-                "run in a new folder"
+                f"{name}={value} would be mixed with them; go on with "
+                f"{name}={kept.source[name]}, or start the run in a new folder"
             )
     if not kept.key and any(file.suffix in (".npz", ".json") for file in folder.rglob("[!.]*")):
         log.warning(

@@ -1,3 +1,4 @@
+from . import field_truth as field_truth
 from . import plate as plate
 from .beam import Beams as Beams
 from .beam import SceneObject as SceneObject

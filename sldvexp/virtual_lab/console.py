@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
+from typing import NoReturn
 
 import numpy as np
 
@@ -22,6 +23,8 @@ from sldvexp.virtual_lab.server import LabServer
 
 #: Where `instrument=visa` looks for it.
 PORT = 5025
+#: The largest number of a port.
+LAST_PORT = 65535
 
 #: Distance within which a view of the scene is the stand that a rough pose means, m.
 SAME_STAND = 0.3
@@ -32,8 +35,8 @@ EXPERIMENT = "experiment=dissertation/automated_pose"
 
 def main() -> None:
     """Serve until Ctrl-C. Exit status: 0, or 1 with one sentence for a user's mistake."""
-    options = _parser().parse_args()
     try:
+        options = _parser().parse_args()
         serve(options.settings, options.host, options.port, options.config_dir)
     except UserError as error:
         for line in str(error).splitlines():
@@ -64,6 +67,8 @@ def serve(
     UserError
         If the configuration is wrong or has no scene, or the port is not free.
     """
+    if not 0 <= port <= LAST_PORT:
+        raise UserError(f"--port must be from 0 to {LAST_PORT}, not {port}; 0 takes a free one")
     made = experiment(settings, config_dir)
     if made.scene is None:
         raise UserError(f"there is no scene to serve; choose {' or '.join(scenes(config_dir))}")
@@ -72,6 +77,9 @@ def serve(
     try:
         server = LabServer(lab, host, port)
     except OSError as error:
+        if (error.errno or 0) < 0:  # of a name that nobody knows, as socket.gaierror has it
+            told = "there is no address of this name; 127.0.0.1 is this machine alone"
+            raise UserError(f"--host {host}: {told}") from None
         why = f"cannot listen on {host}, port {port}: {os.strerror(error.errno or 0)}"
         raise UserError(f"{why}; --port 0 takes a free one") from None
     with server, suppress(KeyboardInterrupt):
@@ -132,8 +140,16 @@ def with_planned_stands(experiment: Experiment) -> tuple[Scene, list[str]]:
     return replace(scene, views=views), told
 
 
+class _OneSentence(argparse.ArgumentParser):
+    """A parser that tells a mistake as the rest of the program does."""
+
+    def error(self, message: str) -> NoReturn:
+        """Raise it as a user's mistake."""
+        raise UserError(f"command line: {message}; sldvexp-lab --help lists the options")
+
+
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = _OneSentence(
         prog="sldvexp-lab",
         description="Serve the virtual lab of a configuration to instrument=visa.",
         epilog="Examples: sldvexp-lab scene=plate target=two_planes laser=ometron_16bit seed=3; "

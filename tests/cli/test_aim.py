@@ -124,6 +124,8 @@ def test_bounds_of_a_run_in_steps_are_those_of_its_poses(sldvexp):
         ([*GIVEN, "dac=1,b"], "command line: dac=1,b: must be steps up_down,left_right, numbers w"),
         ([*GIVEN, "unit=elle"], "command line: unit: unknown unit 'elle'; Valid: cm, f"),
         ([*GIVEN, "dac=9000,0"], "command line: dac=9000,0: the up_down DAC step 9000 is not with"),
+        ([*GIVEN, "point=1,1,1"], "command line: aim takes no point=1,1,1; Valid: at, dac"),
+        (["seed=1", "."], "command line: aim takes the folder of a run, ., or settings, not both"),
         (["seed=1", "somewhere"], "command line: somewhere is neither a run nor a "),
         (["~experiment", "target=dissertation"], "aim: these settings say nowhere where the instr"),
         (["experiment=plat"], "command line: there is no experiment=plat; did you mean plate"),

@@ -43,7 +43,7 @@ def test_circles_on_two_faces_limit_the_stands_and_those_on_one_do_not():
 
 
 def test_where_circles_forbid_every_stand_the_incidence_is_said_that_allows_some():
-    with pytest.raises(UserError, match="circles are still found at plan.room.incidence=72"):
+    with pytest.raises(UserError, match=r"circles are still found at plan.room.incidence=72"):
         candidates(place(incidence=45.0), 50, np.random.default_rng(0))
 
 

@@ -259,7 +259,10 @@ REFUSED = [
         "plan.room.forbidden.a.high must be above low",
     ),
     ("plan.room.incidence=2", "plan: no stand is feasible: plan.room.incidence"),
-    ("nowhere", "command line: plan takes settings, and behind next or check the folder of one"),
+    ("nowhere", "command line: there is no plan nowhere; "),
+    ("chek", "command line: there is no plan chek; did you mean check?"),
+    ("plan.room.low=[-1000,-800,0]", "command line: plan.room.low is -1000 m, which no scanning"),
+    ("plan.room.distance=[1200,2500]", "command line: plan.room.distance is 2500 m, which no sca"),
     ("check nowhere", "nowhere: "),
     ("--name x", "command line: --name is of the files that --to=folder writes"),
     (

@@ -147,7 +147,8 @@ def test_one_run_has_lines_of_one_source(sldvexp, whole, tmp_path):
     *_, told = other.err.splitlines()  # before it, that the example has a view too
     assert f"has scan lines of instrument.path={whole}" in told
     assert f"instrument.path={copy} would be mixed with them" in told
-    assert sldvexp(f"resume={folder}").status == 0
+    assert told.endswith(f"go on with instrument.path={whole}, or start the run in a new folder")
+    assert sldvexp(f"resume={folder}", f"instrument.path={whole}").status == 0
 
 
 def test_another_configuration_is_named_by_what_differs(sldvexp, whole):
