@@ -151,7 +151,7 @@ def fit_circle(edges: ScanLineEdges, method: str = "likelihood") -> tuple[ConicF
 
     A spot sees a curved edge inside of where it is (`sldvexp.image.spot`). How far depends on the
     ellipse and the spot, which fit and widths tell: in turns the edges are moved out by as much,
-    and fitted again, until both stay. A spot that is wider than about 0.4 of the smaller semi-axis
+    and fitted again, until both stay. A spot that is wider than a third of the smaller semi-axis
     looks over the circle and beyond, so that this does not settle; it stops where it settles best,
     and what is then still open counts as an error of the edges.
 
@@ -188,7 +188,7 @@ def fit_circle(edges: ScanLineEdges, method: str = "likelihood") -> tuple[ConicF
     """
     try:
         fit, moved = _fit(edges, method), edges
-        if not np.all(edges.width > 0):
+        if not np.median(edges.width) > 0:
             return fit, edges
         inward, widening = np.zeros_like(edges.width), np.ones_like(edges.width)
         last = np.inf

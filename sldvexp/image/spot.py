@@ -41,6 +41,10 @@ SLENDER = 3.0
 REJECT = 4.0
 #: Median of the absolute value of a standard normal variable.
 NORMAL_MEDIAN = 0.6745
+#: Widths below this part of the usual one are no better known than it.
+NARROW = 0.1
+#: Smallest cosine between a scan line and an edge's normal for which the line crosses the edge.
+GRAZING = 0.1
 #: Least relative scatter of squared widths.
 SCATTER = 1e-6
 
@@ -78,7 +82,7 @@ def seen_edges(
     light = to_disc @ covariance @ to_disc.T
     _, normal = conic.signed_distance(place, parameters)
     across = np.sqrt(np.einsum("ni,ij,nj->n", normal, covariance, normal))
-    width = across / np.maximum(np.abs((normal * direction).sum(axis=-1)), np.finfo(float).eps)
+    width = across / np.maximum(np.abs((normal * direction).sum(axis=-1)), GRAZING)
 
     far = np.full_like(width, np.nan) if reach is None else reach / width
     far = np.clip(np.where(np.isfinite(far), far, USUAL), 1.0, FARTHEST)
@@ -99,7 +103,7 @@ def spot_of_widths(width: Array, std: Array, normal: Array) -> Array:
     Parameters
     ----------
     width : ndarray, shape (n,), steps
-        Across the edge; not zero.
+        Across the edge; zero, or nearly, where a line does not resolve it.
     std : ndarray, shape (n,), steps
         In proportion to the widths' standard errors.
     normal : ndarray, shape (n, 2)
@@ -113,7 +117,8 @@ def spot_of_widths(width: Array, std: Array, normal: Array) -> Array:
     square = width**2 / usual
     x, y = normal.T
     rows = np.stack([x**2, y**2, 2.0 * x * y], axis=-1)
-    weight = np.median(std * width) / (std * width)
+    error = std * np.maximum(width, NARROW * np.sqrt(usual))
+    weight = np.median(error) / error
     prior = np.array([[1.0, -1.0, 0.0], [0.0, 0.0, 2.0]]) / ROUND
     numbers, counts, scatter = np.array([1.0, 1.0, 0.0]), np.ones(len(width), bool), 1.0
     for _ in range(5):

@@ -157,3 +157,13 @@ def test_edges_that_are_wrong_are_still_found() -> None:
     assert set(np.flatnonzero(~fit.used)) == {5, 17, 30}
     clean = fit_circle(edges)[0].ellipse.semi_axes
     assert fit.ellipse.semi_axes == pytest.approx(clean, abs=1.0)
+
+
+def test_an_edge_that_a_line_does_not_resolve_leaves_the_others_their_spot() -> None:
+    lines = scanned(ellipse(60.0), 60.0, 0.005, np.random.default_rng(2))
+    edges = profile_edges(lines, 1, FINE_WINDOW)
+    width = edges.width.copy()
+    width[7] = 0.0
+    fit, _ = fit_circle(replace(edges, width=width))
+    clean = fit_circle(edges)[0].ellipse.semi_axes
+    assert fit.ellipse.semi_axes == pytest.approx(clean, abs=0.5)
