@@ -29,7 +29,7 @@ class KeptFiles:
     """Files of the user's cache; there are none where others may write to it."""
 
     def __init__(self) -> None:
-        self.folder = _folder()
+        self.folder = private_folder(CACHE)
 
     def read(self, name: str) -> bytes | None:
         """Read what was kept under a name; None if nothing whole was."""
@@ -62,10 +62,10 @@ class KeptFiles:
                 os.unlink(old.path)
 
 
-def _folder() -> str:
-    """Make the folder of the user's cache; empty if it cannot be, or is not the user's alone."""
+def private_folder(name: str) -> str:
+    """Make a folder in the user's cache; empty if it cannot be, or is not the user's alone."""
     root = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
-    folder = os.path.join(root, CACHE)
+    folder = os.path.join(root, name)
     with suppress(OSError):
         if not os.path.isdir(folder):
             os.makedirs(root, exist_ok=True)

@@ -36,6 +36,7 @@ OPTIONAL = {
     "dask": "dask",
     "distributed": "dask",
     "meshio": "mesh",
+    "numba": "fast",
     "sdypy": "modal",
     "skfem": "fe",
     "sphinx": "docs",

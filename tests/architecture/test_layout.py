@@ -49,7 +49,7 @@ def test_nothing_optional_is_needed_to_import_a_module(loaded_by):
     """A plain installation has none of the extras; every module must load all the same."""
     code = (
         "import importlib, pkgutil, sys, sldvexp\n"
-        "extras = ('dask', 'distributed', 'meshio', 'cholespy', 'cv2')\n"
+        "extras = ('dask', 'distributed', 'meshio', 'cholespy', 'cv2', 'numba')\n"
         "for extra in extras: sys.modules[extra] = None\n"
         "found = [m.name for m in pkgutil.walk_packages(sldvexp.__path__, 'sldvexp.')]\n"
         "for name in found: importlib.import_module(name)\n"

@@ -15,6 +15,7 @@ from functools import cached_property
 
 import numpy as np
 
+from sldvexp.field.bounds.compiled import CompiledKernels, kernels_for
 from sldvexp.field.bounds.sparse_inverse_rows import (
     block_rows,
     diagonal_blocks,
@@ -25,6 +26,7 @@ from sldvexp.field.bounds.sparse_inverse_rows import (
 )
 from sldvexp.field.equations.elements import influences_by_layers, with_layers_apart
 from sldvexp.field.equations.regions import RegionSamples
+from sldvexp.field.equations.sample_model import AXES
 from sldvexp.field.equations.system import NormalEquations
 from sldvexp.field.solvers.kronecker import KroneckerInverse
 from sldvexp.lazy import scipy
@@ -170,9 +172,12 @@ class ViewInfluence:
     Parameters
     ----------
     beside : bsr_array, shape (patch_node * parameter, pixel * layer), blocks (parameter, layer)
+    kernels : CompiledKernels, optional
+        What computes with it.
     """
 
     beside: scipy.sparse.bsr_array
+    kernels: CompiledKernels | None = None
 
     @cached_property
     def apart(self) -> scipy.sparse.bsr_array:
@@ -202,8 +207,10 @@ def view_influences(parts: Sequence[RegionSamples], k: int) -> list[ViewInfluenc
     """Compute a view's influences in several models of the same samples, all at once."""
     weights = parts[0].samples.by_view[k].weights
     estimators = [part.at.estimator[:, :, k] for part in parts]
-    each = influences_by_layers(parts[0].patch, estimators, weights)
-    return [ViewInfluence(beside) for beside in each]
+    kernels = kernels_for(parts[0].visibility)
+    by_layers = influences_by_layers if kernels is None else kernels.influences_by_layers
+    each = by_layers(parts[0].patch, estimators, weights)
+    return [ViewInfluence(beside, kernels) for beside in each]
 
 
 @dataclass(frozen=True, eq=False)
@@ -262,20 +269,33 @@ class CoupledRows(NearRows):
         self, influence: ViewInfluence, variance: Array, *, fitted: bool = True
     ) -> tuple[Array, Array]:
         """Compute diagonals as `NearRows` says."""
-        beside = influence.beside
+        beside, kernels = influence.beside, influence.kernels
         p, layers = beside.blocksize
-        along = with_blocks(beside, beside.data @ self.line.T)
-        covariance, of_both = np.empty((layers, len(self.own), p, p)), np.zeros(p)
-        for some in _parts(len(self.own)):
-            k = block_rows(self.surface, some) @ along
-            covariance[:, some] = diagonal_blocks(k, variance)
-            if fitted:
-                of_both += _of_both(k, block_rows(beside, self.own[some]), variance).sum(axis=1)
+        along = beside.data @ self.line.T
+        if kernels is None or p != AXES:
+            covariance, of_both = self._products(beside, along, variance, fitted)
+        else:
+            both = beside, along
+            covariance, of_both = kernels.coupled(self.surface, self.own, both, variance, fitted)
         covariance = self.turn @ covariance @ np.swapaxes(self.turn, 2, 3)
         if len(self.odd):
             exact = diagonal_blocks(self.volume @ influence.apart, variance)[0]
             covariance[:, self.odd] = exact.reshape(layers, len(self.odd), p, p)
         return np.diagonal(covariance, axis1=2, axis2=3), of_both
+
+    def _products(
+        self, beside: scipy.sparse.bsr_array, along: Array, variance: Array, fitted: bool
+    ) -> tuple[Array, Array]:
+        """Compute what `CompiledKernels.coupled` does."""
+        p, layers = beside.blocksize
+        r = with_blocks(beside, along)
+        covariance, of_both = np.empty((layers, len(self.own), p, p)), np.zeros(p)
+        for some in _parts(len(self.own)):
+            k = block_rows(self.surface, some) @ r
+            covariance[:, some] = diagonal_blocks(k, variance)
+            if fitted:
+                of_both += _of_both(k, block_rows(beside, self.own[some]), variance).sum(axis=1)
+        return covariance, of_both
 
 
 class ScalarRows(NearRows):
@@ -295,25 +315,38 @@ class ScalarRows(NearRows):
     def of_view(
         self, influence: ViewInfluence, variance: Array, *, fitted: bool = True
     ) -> tuple[Array, Array]:
-        """Compute diagonals as `NearRows` says; influences of a node are a row of (1, p) blocks."""
-        beside = influence.beside
+        """Compute diagonals as `NearRows` says."""
+        beside, kernels = influence.beside, influence.kernels
         p, layers = beside.blocksize
-        along = with_blocks(beside, (beside.data @ self.line.T).reshape(-1, 1, p * layers))
-        beside = with_blocks(beside, beside.data.reshape(-1, 1, p * layers))
-        nodal, of_both = np.empty((layers, len(self.own), p)), np.zeros(p)
-        for some in _parts(len(self.own)):
-            k = block_rows(self.surface, some) @ along
-            squares = sums_of_squares(k, variance).reshape(-1, p, layers)
-            nodal[:, some] = np.moveaxis(squares, 2, 0)
-            if fitted:
-                both = _of_both(k, block_rows(beside, self.own[some]), variance)
-                of_both += both.reshape(p, layers).sum(axis=1)
-        nodal *= self.turn[..., 0] ** 2
+        along = beside.data @ self.line.T
+        if kernels is None:
+            nodal, of_both = self._products(beside, along, variance, fitted)
+        else:
+            both = beside, along
+            nodal, of_both = kernels.scalar(self.surface, self.own, both, variance, fitted)
+        nodal = nodal * self.turn[..., 0] ** 2
         if len(self.odd):
             apart = influence.apart
             flat = with_blocks(apart, apart.data.reshape(-1, 1, p))
             exact = sums_of_squares(self.volume @ flat, variance)
             nodal[:, self.odd] = exact.reshape(layers, len(self.odd), p)
+        return nodal, of_both
+
+    def _products(
+        self, beside: scipy.sparse.bsr_array, along: Array, variance: Array, fitted: bool
+    ) -> tuple[Array, Array]:
+        """Compute what `CompiledKernels.scalar` does; a node's influences are (1, p) blocks."""
+        p, layers = beside.blocksize
+        r = with_blocks(beside, along.reshape(-1, 1, p * layers))
+        beside = with_blocks(beside, beside.data.reshape(-1, 1, p * layers))
+        nodal, of_both = np.empty((layers, len(self.own), p)), np.zeros(p)
+        for some in _parts(len(self.own)):
+            k = block_rows(self.surface, some) @ r
+            squares = sums_of_squares(k, variance).reshape(-1, p, layers)
+            nodal[:, some] = np.moveaxis(squares, 2, 0)
+            if fitted:
+                both = _of_both(k, block_rows(beside, self.own[some]), variance)
+                of_both += both.reshape(p, layers).sum(axis=1)
         return nodal, of_both
 
 

@@ -123,7 +123,7 @@ class Patch:
         sums[:-1] += each[:, :, :3]
         sums[1:] += each[:, :, 3:]
         flat = sums.reshape(self.layers, triangles * 3, columns)
-        return np.stack([self._gather @ layer for layer in flat])
+        return np.stack([self.gather @ layer for layer in flat])
 
     def components_to_nodes(self, samples: Array) -> Array:
         """Sum as `to_nodes` does what has the samples last, from (m, sample) to (layer, node, m).
@@ -137,11 +137,11 @@ class Patch:
         for gap in range(gaps):
             corners = np.ascontiguousarray(each[:, gap].transpose(2, 1, 3, 0))
             for side, of_corners in enumerate(corners.reshape(2, triangles * 3, count)):
-                found[gap + side] += self._gather @ of_corners
+                found[gap + side] += self.gather @ of_corners
         return found
 
     @cached_property
-    def _gather(self) -> scipy.sparse.csr_array:
+    def gather(self) -> scipy.sparse.csr_array:
         """Sums corners of triangles at their nodes."""
         corners = self.corner.size
         entries = (np.ones(corners), (self.corner.ravel(), np.arange(corners)))

@@ -1,0 +1,253 @@
+"""Loops over nodes, samples and pixels that bounds of a large field spend their time in.
+
+They are what `sldvexp.field.bounds.inverse` and `sldvexp.field.equations.elements` compute with
+sparse matrices, node by node and without these: a node's pixels are numbered anew, so that all that
+is summed over them stays in the cache. As Python they would take hours; `compiled` compiles them.
+Numbers are the same but for the order of sums.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sldvexp.typing import Array, IndexArray
+
+
+def pixels_of_nodes(
+    corner_start: IndexArray,
+    corner: IndexArray,
+    sizes: IndexArray,
+    start: IndexArray,
+    pixel: IndexArray,
+) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    """List the pixels that bear on each node, ascending.
+
+    Parameters
+    ----------
+    corner_start, corner : ndarray of int
+        Corners of triangles, ``3 triangle + corner``, that are at each node, as of a CSR matrix.
+    sizes : ndarray of int, shape (4,)
+        Gaps, triangles, points of a prism, pixels.
+    start, pixel : ndarray of int
+        Pixels of each sample, as of a CSR matrix.
+
+    Returns
+    -------
+    indptr, indices : ndarray of int
+        As of a CSR matrix, shape (node, pixel).
+    """
+    gaps, triangles, points, pixels = sizes
+    nodes = len(corner_start) - 1
+    seen = np.full(pixels, -1, np.int32)
+    indptr = np.zeros(nodes + 1, np.int32)
+    found = np.empty(16 * nodes + 16, np.int32)
+    count = 0
+    for node in range(nodes):
+        first = count
+        for at in range(corner_start[node], corner_start[node + 1]):
+            triangle = corner[at] // 3
+            for gap in range(gaps):
+                sample = (gap * triangles + triangle) * points
+                for entry in range(start[sample], start[sample + points]):
+                    if seen[pixel[entry]] != node:
+                        seen[pixel[entry]] = node
+                        if count == len(found):
+                            longer = np.empty(2 * count, np.int32)
+                            longer[:count] = found
+                            found = longer
+                        found[count] = pixel[entry]
+                        count += 1
+        found[first:count].sort()
+        indptr[node + 1] = count
+    return indptr, found[:count].copy()
+
+
+def influences(
+    corner_start: IndexArray,
+    corner: IndexArray,
+    sizes: IndexArray,
+    start: IndexArray,
+    pixel: IndexArray,
+    weight: Array,
+    shape: Array,
+    estimator: Array,
+    indptr: IndexArray,
+    indices: IndexArray,
+) -> Array:
+    """Compute ``R = sum_s B_s^T (x) T_s W_s``, shape (entry, parameter, layer).
+
+    Parameters
+    ----------
+    weight : ndarray
+        Of each sample's pixels.
+    shape : ndarray, shape (point, 6)
+        Basis functions of a prism at its samples.
+    estimator : ndarray, shape (sample, parameter)
+        Of the view, T_s.
+    indptr, indices : ndarray of int
+        See `pixels_of_nodes`, as the parameters before.
+    """
+    gaps, triangles, points, pixels = sizes
+    parameters = estimator.shape[1]
+    found = np.zeros((len(indices), parameters, gaps + 1))
+    place = np.empty(pixels, np.int32)
+    longest = 0
+    for node in range(len(indptr) - 1):
+        longest = max(longest, indptr[node + 1] - indptr[node])
+    sums = np.empty((longest, gaps + 1, parameters))
+    for node in range(len(indptr) - 1):
+        first, last = indptr[node], indptr[node + 1]
+        for entry in range(first, last):
+            place[indices[entry]] = entry - first
+        sums[: last - first] = 0.0
+        for at in range(corner_start[node], corner_start[node + 1]):
+            triangle, c = corner[at] // 3, corner[at] % 3
+            for gap in range(gaps):
+                for point in range(points):
+                    sample = (gap * triangles + triangle) * points + point
+                    lower, upper = shape[point, c], shape[point, 3 + c]
+                    for entry in range(start[sample], start[sample + 1]):
+                        here = sums[place[pixel[entry]]]
+                        low, up = lower * weight[entry], upper * weight[entry]
+                        for p in range(parameters):
+                            here[gap, p] += low * estimator[sample, p]
+                            here[gap + 1, p] += up * estimator[sample, p]
+        for entry in range(first, last):
+            for layer in range(gaps + 1):
+                for p in range(parameters):
+                    found[entry, p, layer] = sums[entry - first, layer, p]
+    return found
+
+
+def coupled_noise(
+    row_start: IndexArray,
+    row_node: IndexArray,
+    row: Array,
+    own: IndexArray,
+    indptr: IndexArray,
+    indices: IndexArray,
+    along: Array,
+    beside: Array,
+    variance: Array,
+    most: int,
+) -> tuple[Array, Array]:
+    """Compute blocks on the diagonals of ``K S K^T`` and the diagonal of ``K S R^T``, ``K = Z R``.
+
+    Parameters
+    ----------
+    row_start, row_node, row : ndarray
+        The matrix Z in blocks of three by three, as of a BSR matrix, shape (own, patch node).
+    own : ndarray of int
+        Places of the own nodes in the patch.
+    indptr, indices : ndarray of int
+        Pixels of the patch's nodes, see `pixels_of_nodes`.
+    along, beside : ndarray, shape (entry, 3, layer)
+        R with the line's inverse before it, and R; the latter empty if its product is not wanted.
+    variance : ndarray, shape (pixel,)
+    most : int
+        No row of K has more pixels.
+
+    Returns
+    -------
+    covariance : ndarray, shape (own, 6, layer)
+        Entries 00, 10, 11, 20, 21 and 22 of each block.
+    fitted : ndarray, shape (3,)
+        Summed over the own nodes.
+    """
+    layers = along.shape[2]
+    place, pixel = np.full(len(variance), -1, np.int32), np.empty(most, np.int32)
+    covariance, fitted = np.zeros((len(own), 6, layers)), np.zeros(3)
+    k = np.empty((most, 3, layers))
+    for n in range(len(own)):
+        used, total = 0, covariance[n]
+        for at in range(row_start[n], row_start[n + 1]):
+            z00, z01, z02 = row[at, 0, 0], row[at, 0, 1], row[at, 0, 2]
+            z10, z11, z12 = row[at, 1, 0], row[at, 1, 1], row[at, 1, 2]
+            z20, z21, z22 = row[at, 2, 0], row[at, 2, 1], row[at, 2, 2]
+            for entry in range(indptr[row_node[at]], indptr[row_node[at] + 1]):
+                here = place[indices[entry]]
+                if here < 0:
+                    here, used = used, used + 1
+                    place[indices[entry]], pixel[here] = here, indices[entry]
+                    k[here] = 0.0
+                for x in range(layers):
+                    r0, r1, r2 = along[entry, 0, x], along[entry, 1, x], along[entry, 2, x]
+                    k[here, 0, x] += z00 * r0 + z01 * r1 + z02 * r2
+                    k[here, 1, x] += z10 * r0 + z11 * r1 + z12 * r2
+                    k[here, 2, x] += z20 * r0 + z21 * r1 + z22 * r2
+        for here in range(used):
+            v = variance[pixel[here]]
+            for x in range(layers):
+                k0, k1, k2 = k[here, 0, x], k[here, 1, x], k[here, 2, x]
+                total[0, x] += v * k0 * k0
+                total[1, x] += v * k1 * k0
+                total[2, x] += v * k1 * k1
+                total[3, x] += v * k2 * k0
+                total[4, x] += v * k2 * k1
+                total[5, x] += v * k2 * k2
+        if len(beside):
+            for entry in range(indptr[own[n]], indptr[own[n] + 1]):
+                here, v = place[indices[entry]], variance[indices[entry]]
+                if here >= 0:
+                    for p in range(3):
+                        for x in range(layers):
+                            fitted[p] += v * k[here, p, x] * beside[entry, p, x]
+        for here in range(used):
+            place[pixel[here]] = -1
+    return covariance, fitted
+
+
+def scalar_noise(
+    row_start: IndexArray,
+    row_node: IndexArray,
+    row: Array,
+    own: IndexArray,
+    indptr: IndexArray,
+    indices: IndexArray,
+    along: Array,
+    beside: Array,
+    variance: Array,
+    most: int,
+) -> tuple[Array, Array]:
+    """Compute as `coupled_noise` does where Z has one number a node, diagonals alone.
+
+    Parameters
+    ----------
+    along, beside : ndarray, shape (entry, value)
+        Values are those of all parameters in all layers.
+
+    Returns
+    -------
+    nodal : ndarray, shape (own, value)
+    fitted : ndarray, shape (value,)
+    """
+    size = along.shape[1]
+    place, pixel = np.full(len(variance), -1, np.int32), np.empty(most, np.int32)
+    nodal, fitted = np.zeros((len(own), size)), np.zeros(size)
+    k = np.empty((most, size))
+    for n in range(len(own)):
+        used = 0
+        for at in range(row_start[n], row_start[n + 1]):
+            z = row[at]
+            for entry in range(indptr[row_node[at]], indptr[row_node[at] + 1]):
+                here = place[indices[entry]]
+                if here < 0:
+                    here, used = used, used + 1
+                    place[indices[entry]], pixel[here] = here, indices[entry]
+                    k[here] = 0.0
+                for x in range(size):
+                    k[here, x] += z * along[entry, x]
+        for here in range(used):
+            v = variance[pixel[here]]
+            for x in range(size):
+                nodal[n, x] += v * k[here, x] * k[here, x]
+        if len(beside):
+            for entry in range(indptr[own[n]], indptr[own[n] + 1]):
+                here, v = place[indices[entry]], variance[indices[entry]]
+                if here >= 0:
+                    for x in range(size):
+                        fitted[x] += v * k[here, x] * beside[entry, x]
+        for here in range(used):
+            place[pixel[here]] = -1
+    return nodal, fitted
