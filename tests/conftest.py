@@ -76,8 +76,12 @@ HEAVY = {
 LONGEST = 300.0
 
 # How long an example takes says more about the machine than about the program.
-hypothesis.settings.register_profile("any machine", deadline=None)
+hypothesis.settings.register_profile("all examples", deadline=None)
+hypothesis.settings.register_profile("any machine", deadline=None, max_examples=30)
 hypothesis.settings.load_profile("any machine")
+
+#: Rooms with the longest tests, which begin first: at the end a worker waits for little.
+LONGEST_FIRST = ("console", "handbook", "report", "session", "modes", "planner", "sweep")
 
 #: What makes the pages of runs and sweeps.
 PAGES = {name: getattr(Html, name) for name in ("of_run", "of_sweep")}
@@ -105,7 +109,12 @@ def pytest_collection() -> Iterator[None]:
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Leave all but every n-th case of a test that is marked ``one_in(n)`` to ``-m whole``."""
+    """Begin with what takes longest; leave cases that ``one_in(n)`` leaves out to ``-m whole``.
+
+    These are all but every n-th case of a test.
+    """
+    order = {room: k for k, room in enumerate(LONGEST_FIRST)}
+    items.sort(key=lambda item: order.get(item.path.parent.name, len(order)))
     seen: Counter[str] = Counter()
     for item in items:
         marked = item.get_closest_marker("one_in")

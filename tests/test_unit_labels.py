@@ -277,7 +277,9 @@ def test_length_is_told_only_of_motions_per_second():
 KNOWN = VELOCITIES | DISPLACEMENTS | ACCELERATIONS
 
 
-@settings(max_examples=300, deadline=None, derandomize=True, database=None)
+@settings(
+    max_examples=3 * settings.default.max_examples, deadline=None, derandomize=True, database=None
+)
 @given(
     st.sampled_from(sorted(MORE) + sorted(KNOWN)),
     st.integers(0, 20),
@@ -288,7 +290,9 @@ def test_a_strange_character_is_never_passed_over(text, at, strange):
         read_unit(text[:at] + strange + text[at:])
 
 
-@settings(max_examples=300, deadline=None, derandomize=True, database=None)
+@settings(
+    max_examples=3 * settings.default.max_examples, deadline=None, derandomize=True, database=None
+)
 @given(st.text(max_size=20))
 def test_any_text_is_understood_or_asked_about(text):
     try:

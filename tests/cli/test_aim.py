@@ -88,6 +88,7 @@ def test_what_the_beam_cannot_reach_is_said_in_its_line(sldvexp):
     assert "dac 0 0, mirrors" in here
 
 
+@pytest.mark.whole
 def test_bounds_of_a_run_in_steps_are_those_of_its_poses(sldvexp):
     run_folder = sldvexp("experiment=pose", "report=none", "check={}", "expect={}").folder
     (view,), around = of_run(run_folder)

@@ -47,18 +47,25 @@ def bench() -> Iterator[Bench]:
     warm.close()
 
 
-@pytest.fixture(scope="module")
-def runs(bench: Bench, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    """Folders of runs that inputs spoil."""
-    found = {}
-    for name, command in RUNS.items():
-        folder = tmp_path_factory.mktemp(name)
+class Runs(dict[str, Path]):
+    """Folders of runs that inputs spoil, each made for the first of them."""
+
+    def __init__(self, bench: Bench, made: Callable[[str], Path]) -> None:
+        self._bench, self._made = bench, made
+
+    def __missing__(self, name: str) -> Path:
+        folder = self._made(name)
         for place in (HERE, BESIDE):
             (folder / place).mkdir()
-        done = bench.call(folder, [*shlex.split(command), "hydra.run.dir=given"])
+        done = self._bench.call(folder, [*shlex.split(RUNS[name]), "hydra.run.dir=given"])
         assert done.status == 0, done.err
-        found[name] = folder / HERE / "given"
-    return found
+        self[name] = folder / HERE / "given"
+        return self[name]
+
+
+@pytest.fixture(scope="module")
+def runs(bench: Bench, tmp_path_factory: pytest.TempPathFactory) -> Runs:
+    return Runs(bench, tmp_path_factory.mktemp)
 
 
 @contextmanager

@@ -53,6 +53,7 @@ def shaken(uff, tmp_path):
     ]
 
 
+@pytest.mark.whole
 def test_two_references_of_a_universal_file_tell_two_modes_of_one_frequency(sldvexp, shaken):
     done = sldvexp(*shaken, "instrument.reference_dof=1+Z", "instrument.further_references=[2+Z]")
     assert done.status == 0, done.err

@@ -4,20 +4,14 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import pytest
-from hydra import compose, initialize_config_dir
 
-from sldvexp.config import hydra_plugin, schema
 from sldvexp.config.experiment import Experiment
 from sldvexp.instrument import RawSamples
 from sldvexp.virtual_lab import VirtualLab
-
-hydra_plugin.install()
-
-CONF = Path(__file__).parents[2] / "conf"
+from tests import composing
 
 
 @pytest.fixture
@@ -30,8 +24,7 @@ def experiment() -> Callable[..., Experiment]:
 def built(overrides: tuple[str, ...]) -> Experiment:
     """A lab with the calibration object, changed."""
     chosen = ["~experiment", "scene=calibration", "target=dissertation", *overrides]
-    with initialize_config_dir(str(CONF), version_base="1.3"):
-        return schema.build(compose("config", overrides=chosen))
+    return composing.experiment(*chosen)
 
 
 @pytest.fixture

@@ -142,6 +142,7 @@ def test_ranges_beside_a_distance_make_bounds_smaller():
     assert more[1, 2] < 0.6 * alone[1, 2]  # above the marks, from where one of them goes
 
 
+@pytest.mark.whole
 def test_a_wrong_range_is_named():
     lab = Lab(5, points=8)
     ranges = ranged(lab, pairs=(("front", 1), ("left", 4), ("right", 2)))

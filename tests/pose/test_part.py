@@ -112,7 +112,7 @@ def test_bounds_cover_the_truth(stepped, trials, pointing):
 
 @pytest.mark.parametrize(
     "trials",
-    [4, pytest.param(10, marks=pytest.mark.whole), pytest.param(200, marks=pytest.mark.long)],
+    [2, pytest.param(10, marks=pytest.mark.whole), pytest.param(200, marks=pytest.mark.long)],
 )
 def test_edges_that_hysteresis_displaces_alike_are_in_the_bounds(stepped, trials):
     rng, part, hysteresis = np.random.default_rng(9), mesh(STEPPED), 2e-5

@@ -3,17 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
 
 import pytest
-from hydra import compose, initialize_config_dir
 
-from sldvexp.config import hydra_plugin, schema
 from sldvexp.config.experiment import Experiment
-
-hydra_plugin.install()
-
-CONF = Path(__file__).parents[2] / "conf"
+from tests.composing import experiment
 
 #: Two places in front of the plate and the calibration object.
 VIEWS = (
@@ -29,7 +23,6 @@ def composed() -> Callable[..., Experiment]:
     def made(*overrides: str) -> Experiment:
         chosen = ["scene=plate", VIEWS, "target=dissertation", "signal=sine_fit"]
         chosen = ["~experiment", *chosen, "instrument=simulated", *overrides]
-        with initialize_config_dir(str(CONF), version_base="1.3"):
-            return schema.build(compose("config", overrides=chosen))
+        return experiment(*chosen)
 
     return made

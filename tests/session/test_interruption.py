@@ -25,10 +25,12 @@ from sldvexp.stopping import (
 
 @pytest.fixture(autouse=True)
 def usual():
-    """Python's own way with Ctrl-C, also where the tests run in the background."""
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    """Python's own way with Ctrl-C, also where the tests run in the background or by nohup."""
+    ways = {signal.SIGINT: signal.default_int_handler, signal.SIGHUP: signal.SIG_DFL}
+    before = {number: signal.signal(number, way) for number, way in ways.items()}
     yield signal.default_int_handler
-    signal.signal(signal.SIGINT, before)
+    for number, way in before.items():
+        signal.signal(number, way)
 
 
 def press(number=signal.SIGINT):

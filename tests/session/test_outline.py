@@ -65,6 +65,7 @@ def test_the_outline_gives_the_pose(outlined, tmp_path):
     assert all(f.severity.name == "note" for f in found.findings)
 
 
+@pytest.mark.whole
 def test_where_no_light_comes_back_the_light_tells_the_outline(outlined, tmp_path):
     e = outlined("scene.backdrop=false", "scene.plate.spot_edges=false")
     groups = scan_views(e, tmp_path / "journal")
@@ -138,6 +139,7 @@ def raster(composed, tmp_path, *overrides):
     return e, groups, Part(path=str(path), unit=LengthUnit.mm, views={"a": rough})
 
 
+@pytest.mark.whole
 def test_a_quick_raster_gives_a_pose_too(composed, tmp_path):
     e, groups, method = raster(composed, tmp_path)
     found = method.estimate(e.laser, None, groups)

@@ -74,6 +74,7 @@ def test_a_pixel_without_two_good_records_is_flagged(composed, tmp_path):
     np.testing.assert_array_equal(image["flags"].values != 0, few)
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("excitation", ["multisine", "random"])
 def test_a_session_that_was_cut_off_goes_on_to_the_same_bits(composed, tmp_path, excitation):
     chosen = (

@@ -59,6 +59,7 @@ def test_a_recorded_session_is_replayed_to_the_bit(sldvexp, whole):
     assert "a recording can only be scanned as it was" in other.err
 
 
+@pytest.mark.whole
 def test_scan_lines_of_another_seed_are_not_used(sldvexp, whole):
     before = {p: p.read_bytes() for p in whole.rglob("*") if p.is_file()}
     other = sldvexp(*SMALL, "seed=1", f"hydra.run.dir={whole}", "overwrite=true")

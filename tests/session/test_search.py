@@ -272,6 +272,7 @@ def before(composed, circles, diameter, places, *more):
     return replace(e, scene=replace(e.scene, views=poses), scan=replace(e.scan, poses=rough))
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("x", [0.16, 0.12])
 def test_a_circle_behind_another_one_is_told_as_that(composed, tmp_path, x):
     """Also where all of it is hidden, and the other one is found in its place."""
@@ -320,6 +321,7 @@ def oblique(composed, incidence, *more):
     return replace(e, scan=replace(e.scan, poses={"a": e.scan.poses["a"]}))
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize(
     ("board", "incidence", "waist"), [("bits_16", 70.0, 1e-3), ("bits_12_sign", 70.0, 1.5e-3)]
 )
@@ -336,6 +338,7 @@ def test_an_edge_that_a_wide_spot_blurs_over_an_oblique_circle_is_seen(
         assert np.abs(off_by).max() < 0.02 * np.ptp(steps, axis=0).max()
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize(
     ("incidence", "told", "wrong", "right"),
     [

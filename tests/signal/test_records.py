@@ -145,6 +145,7 @@ def test_tail_of_a_burst_that_is_cut_off_is_said(five_modes, seconds, noise, kin
         assert wanted == pytest.approx(1.11, rel=0.4)
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize(
     ("kind", "amplitude"),
     [

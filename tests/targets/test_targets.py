@@ -6,16 +6,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
-from sldvexp.config import hydra_plugin
 from sldvexp.errors import ConfigError
 from sldvexp.geometry.circles import LINES
 from sldvexp.io.registration import read
 from sldvexp.targets import Circle, Circles, FiducialPoint, FiducialPoints, Plane
 from sldvexp.targets.circles import bitangents_in_space, bitangents_std
 from sldvexp.units import LengthUnit
+from tests.composing import part
 
 CONF = Path(__file__).parents[2] / "conf"
 INCH = LengthUnit.inch.value
@@ -42,10 +41,7 @@ PUBLISHED = [
 
 
 def configured(name: str, *overrides: str):
-    hydra_plugin.install()
-    with initialize_config_dir(str(CONF), version_base="1.3"):
-        config = compose(overrides=[f"+target={name}", *overrides])
-    return OmegaConf.to_object(config)["target"]
+    return OmegaConf.to_object(part(f"+target={name}", *overrides))["target"]
 
 
 def accept(target) -> None:

@@ -3,20 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import pytest
-from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
-from sldvexp.config import hydra_plugin
 from sldvexp.instrument import Acquisition, RawSamples
 from sldvexp.virtual_lab import VirtualLab, calibration_scene, plate  # noqa: F401 (registers them)
-
-hydra_plugin.install()
-
-CONF = Path(__file__).parents[2] / "conf"
+from tests.composing import part
 
 #: No noise at all, and every mirror where its calibration says.
 QUIET = (
@@ -39,9 +33,7 @@ def lab() -> LabMaker:
     def make(scene, *overrides, target="dissertation", laser="ometron", seed=0, frequency=(450.0,)):
         chosen = [f"+scene={scene}", f"+laser={laser}"]
         chosen += [f"+target={target}"] if target else []
-        with initialize_config_dir(str(CONF), version_base="1.3"):
-            config = compose(overrides=[*chosen, *overrides])
-        made = OmegaConf.to_object(config)
+        made = OmegaConf.to_object(part(*chosen, *overrides))
         lab = VirtualLab(made["scene"], made["laser"], made.get("target"), seed)
         lab.configure(Acquisition(10000.0, 512, frequency))
         return lab

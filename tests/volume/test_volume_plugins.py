@@ -5,16 +5,13 @@ from __future__ import annotations
 import sys
 import time
 import tracemalloc
-from pathlib import Path
 
 import meshio
 import numpy as np
 import pytest
-from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
 from sldvexp import dataset
-from sldvexp.config import hydra_plugin
 from sldvexp.errors import UserError
 from sldvexp.units import LengthUnit
 from sldvexp.volume import (
@@ -26,16 +23,13 @@ from sldvexp.volume import (
     sample_positions,
     shape_matrix,
 )
+from tests.composing import part
 
-CONF = Path(__file__).parents[2] / "conf"
 PLATE = "conf://data/plate_volume.csv"
 
 
 def configured(name: str, *overrides: str):
-    hydra_plugin.install()
-    with initialize_config_dir(str(CONF), version_base="1.3"):
-        config = compose(overrides=[f"+volume={name}", *overrides])
-    return OmegaConf.to_object(config)["volume"]
+    return OmegaConf.to_object(part(f"+volume={name}", *overrides))["volume"]
 
 
 def accept(volume, tmp_path) -> None:
