@@ -40,7 +40,7 @@ from sldvexp.field.equations.regions import RegionIterator
 from sldvexp.field.equations.sample_model import FieldModel
 from sldvexp.field.equations.system import solution
 from sldvexp.field.equations.undetermined import factorise, find_undetermined
-from sldvexp.field.fit import FieldEstimate, FieldFit
+from sldvexp.field.fit import FieldEstimate, FieldSetUp
 from sldvexp.field.result import FieldResult
 from sldvexp.field.solvers.base import Solver
 from sldvexp.field.solvers.iterative import Iterative
@@ -204,7 +204,8 @@ def solve_field(
     check_views(visibility)
     poses = pose_covariance(visibility.views, covariance if errors is None else errors.covariance)
     data = pixel_data(visibility.views)
-    fit = FieldFit.from_images(visibility, method, solver, local, data, bounds=bounds)
+    setup = FieldSetUp.recalled(visibility, method, local, data, bounds=bounds)
+    fit = setup.solved(solver, data)
     model, messages = fit.parts.model, fit.messages
     if not bounds:
         left = residuals_only(fit.parts, fit.theta, fit.data)
@@ -317,4 +318,6 @@ class Content:
 def _remembered(content: Content) -> VolumeVisibility:
     """Keep what is seen for the checks of a run, and the next runs of a sweep over methods."""
     views = views_of(content.tree, content.laser)
-    return VolumeVisibility.from_volume(views, content.laser, content.volume, content.prisms)
+    seen = VolumeVisibility.from_volume(views, content.laser, content.volume, content.prisms)
+    seen.common = {}
+    return seen

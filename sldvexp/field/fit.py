@@ -38,6 +38,114 @@ from sldvexp.reconstruction.observability import blank
 from sldvexp.statistics import FTest
 from sldvexp.typing import Array, BoolArray
 
+#: Methods whose equations are kept for the next solver; a small system takes up to 100 MB.
+KEPT = 2
+
+
+@dataclass(frozen=True, eq=False)
+class FieldSetUp:
+    """Equations of a field by a method, as they are before any solver has a part in it.
+
+    Attributes
+    ----------
+    loose : Equations
+        With the flags `found`, before they were made regular.
+    best : LeastVariance, optional
+        What bounds are compared with.
+    notes : tuple of str
+        What is not known of the fit, in sentences.
+    """
+
+    parts: RegionIterator
+    loose: Equations
+    found: Observability
+    equations: Equations
+    flags: Observability
+    best: LeastVariance | None = None
+    notes: tuple[str, ...] = ()
+
+    @classmethod
+    def from_images(
+        cls,
+        visibility: VolumeVisibility,
+        method: Reconstruction,
+        local: bool,
+        data: list[Array],
+        *,
+        bounds: bool = True,
+    ) -> FieldSetUp:
+        """Go through all samples once.
+
+        Parameters
+        ----------
+        bounds : bool
+            Whether bounds are to come, for which those of the least variance are set up as well.
+        """
+        parts = RegionIterator(visibility, FieldModel.from_method(method, visibility, local))
+        model = least_variance_model(visibility, parts.model) if bounds else None
+        key = "least variance", local
+        best: LeastVariance | None = (visibility.common or {}).get(key) if model else None
+        if model is None or best is not None:
+            equations = normal_equations(parts, data)
+        else:
+            of_best, nothing = parts.with_model(model), [d[:, :0] for d in data]
+            equations, others = joint_equations([parts, of_best], [data, nothing])
+            best = LeastVariance.from_equations(of_best, others)
+            if visibility.common is not None and equations.system.is_small:
+                visibility.common[key] = best
+        found = find_undetermined(
+            equations, nodes_in_holes(visibility.views, visibility.laser, visibility.prisms)
+        )
+        firm, left = constrain_singular(equations, found) if bounds else (equations, found)
+        notes = (UNKNOWN,) if model is not None and best is None else ()
+        return cls(parts, equations, found, firm, left, best, notes)
+
+    @classmethod
+    def recalled(
+        cls,
+        visibility: VolumeVisibility,
+        method: Reconstruction,
+        local: bool,
+        data: list[Array],
+        *,
+        bounds: bool = True,
+    ) -> FieldSetUp:
+        """Set up equations of the views' own images, or recall those of another solver's fit.
+
+        Small ones are kept, where `VolumeVisibility.common` is there to keep them.
+        """
+        key, common = ("equations", repr(method), local, bounds), visibility.common
+        if common is not None and key in common:
+            kept: FieldSetUp = common[key]
+            return kept
+        made = cls.from_images(visibility, method, local, data, bounds=bounds)
+        if common is not None and made.equations.system.is_small:
+            for other in [k for k in common if k[0] == key[0]][: 1 - KEPT or None]:
+                del common[other]
+            common[key] = made
+        return made
+
+    def solved(self, solver: Solver, data: list[Array]) -> FieldFit:
+        """Solve the equations.
+
+        Raises
+        ------
+        UserError
+            See `sldvexp.field.estimate.solve_field`.
+        """
+        parts, found = self.parts, self.flags
+        if self.found.observable.any() and not found.observable.any():
+            factorise(solver, self.loose, self.found)  # which may say why
+        if not found.observable.any():
+            raise UserError(
+                f"field: nothing is determined anywhere by the rows {parts.model.rows}; "
+                + "; ".join(_messages(parts, self.equations, found))
+            )
+        equations, solve = factorise(solver, self.equations, found)
+        theta = solution(equations.right, equations.system, solve)
+        roughly = solver.roughly(equations.system, solve)
+        return FieldFit(parts, data, equations, found, solve, roughly, theta, self.best, self.notes)
+
 
 @dataclass(frozen=True, eq=False)
 class FieldFit:
@@ -65,55 +173,6 @@ class FieldFit:
     theta: Array
     best: LeastVariance | None = None
     notes: tuple[str, ...] = ()
-
-    @classmethod
-    def from_images(
-        cls,
-        visibility: VolumeVisibility,
-        method: Reconstruction,
-        solver: Solver,
-        local: bool,
-        data: list[Array],
-        *,
-        bounds: bool = True,
-    ) -> FieldFit:
-        """Set up the equations and solve them.
-
-        Parameters
-        ----------
-        bounds : bool
-            Whether bounds are to come, for which those of the least variance are set up as well.
-
-        Raises
-        ------
-        UserError
-            See `sldvexp.field.estimate.solve_field`.
-        """
-        parts = RegionIterator(visibility, FieldModel.from_method(method, visibility, local))
-        model = least_variance_model(visibility, parts.model) if bounds else None
-        if model is None:
-            equations, best = normal_equations(parts, data), None
-        else:
-            of_best, nothing = parts.with_model(model), [d[:, :0] for d in data]
-            equations, others = joint_equations([parts, of_best], [data, nothing])
-            best = LeastVariance.from_equations(of_best, others)
-        hole = nodes_in_holes(visibility.views, visibility.laser, visibility.prisms)
-        found = find_undetermined(equations, hole)
-        if bounds:
-            firm, left = constrain_singular(equations, found)
-            if found.observable.any() and not left.observable.any():
-                factorise(solver, equations, found)  # which may say why
-            equations, found = firm, left
-        if not found.observable.any():
-            raise UserError(
-                f"field: nothing is determined anywhere by the rows {parts.model.rows}; "
-                + "; ".join(_messages(parts, equations, found))
-            )
-        equations, solve = factorise(solver, equations, found)
-        theta = solution(equations.right, equations.system, solve)
-        roughly = solver.roughly(equations.system, solve)
-        notes = (UNKNOWN,) if model is not None and best is None else ()
-        return cls(parts, data, equations, found, solve, roughly, theta, best, notes)
 
     @property
     def messages(self) -> list[str]:

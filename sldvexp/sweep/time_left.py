@@ -13,6 +13,7 @@ from __future__ import annotations
 import statistics
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
+from functools import cache
 
 from sldvexp.config.experiment import Experiment
 from sldvexp.pipeline.step import Step
@@ -21,6 +22,8 @@ from sldvexp.sweep.record import Record
 
 #: Runs of so many seconds take long beside loading the program, s.
 LONG = 30.0
+#: Name of a step, and the overrides that decide what it adds.
+Decided = tuple[str, tuple[str, ...]]
 #: Keys of the configuration that a step may read.
 KEYS = frozenset(Experiment.__dataclass_fields__)
 
@@ -37,7 +40,8 @@ class SweepTimeLeft:
     def __init__(self, jobs: Sequence[Sequence[str]]) -> None:
         self._jobs = jobs
         self._open = dict.fromkeys(range(len(jobs)))
-        self._known: set[tuple[str, tuple[str, ...]]] = set()  # shared steps that are kept
+        self._known: set[Decided] = set()  # shared steps that are kept
+        self._decided: dict[int, list[tuple[Step, Decided]]] = {}
         self._computed: dict[str, list[float]] = defaultdict(list)
         self._taken: dict[str, list[float]] = defaultdict(list)
         self._besides: list[float] = []
@@ -56,9 +60,9 @@ class SweepTimeLeft:
             done at once; None if it was done before.
         """
         self._open.pop(number, None)
-        for step in STEPS:
+        for step, which in self._deciding(number):
             if step.shared and step.name in record.steps:
-                self._known.add((step.name, deciding(step, self._jobs[number])))
+                self._known.add(which)
         if passed is None or not record.state.finished:
             return
         for name, seconds in record.steps.items():
@@ -76,14 +80,25 @@ class SweepTimeLeft:
         if not self._besides or (len(self._besides) == 1 and self._besides[0] != self._besides[0]):
             return None
         known, total = set(self._known), 0.0
+        besides = _usual(self._besides)
+        usually_taken, usually_computed = (
+            {step.name: _usual(seconds[step.name]) for step in STEPS}
+            for seconds in (self._taken, self._computed)
+        )
         for number in self._open:
-            total += _usual(self._besides)
-            for step in STEPS:
-                which = step.name, deciding(step, self._jobs[number])
+            total += besides
+            for step, which in self._deciding(number):
                 taken = step.shared and which in known
                 known.add(which)
-                total += _usual((self._taken if taken else self._computed)[step.name])
+                total += (usually_taken if taken else usually_computed)[step.name]
         return total * (self._passed / self._seconds if self._seconds else 1.0)
+
+    def _deciding(self, number: int) -> list[tuple[Step, Decided]]:
+        """Find what decides every step of a run, or recall it."""
+        if number not in self._decided:
+            found = deciding(self._jobs[number])
+            self._decided[number] = [(step, (step.name, found[step.name])) for step in STEPS]
+        return self._decided[number]
 
 
 def _usual(seconds: Sequence[float]) -> float:
@@ -91,24 +106,35 @@ def _usual(seconds: Sequence[float]) -> float:
     return statistics.median(seconds[1:] or seconds) if seconds else 0.0
 
 
-def deciding(step: Step, overrides: Sequence[str]) -> tuple[str, ...]:
-    """Choose the overrides of a run that decide what a shared step adds.
+def deciding(overrides: Sequence[str]) -> dict[str, tuple[str, ...]]:
+    """Choose the overrides of a run that decide what each step adds, by the step's name.
 
     Examples
     --------
-    >>> scan = next(step for step in STEPS if step.name == "scan")
-    >>> deciding(scan, ["seed=2", "pose=edge", "scan.pixels=[3,4]", "experiment=plate"])
+    >>> found = deciding(["seed=2", "pose=edge", "scan.pixels=[3,4]", "experiment=plate"])
+    >>> found["scan"]
     ('seed=2', 'scan.pixels=[3,4]', 'experiment=plate')
-    >>> views = next(step for step in STEPS if step.name == "comparison of the views")
-    >>> deciding(views, ["reconstruction=absolute", "compare.a.robust=off", "compare.a.rows=all"])
+    >>> found = deciding(["reconstruction=absolute", "compare.a.robust=off", "compare.a.rows=all"])
+    >>> found["comparison of the views"]
     ('compare.a.robust=off',)
     """
+    names = {o: _name(o) for o in overrides}
+    always = {o for o in overrides if _key(o) not in KEYS}
+    found: dict[str, tuple[str, ...]] = {}
+    for step in STEPS:
+        before = _before(step)
+        reads = {key for s in (step, *before) for key in s.reads}
+        reads.update(names[o] for upstream in before for o in found[upstream.name])
+        found[step.name] = tuple(o for o in overrides if o in always or _is_read(o, reads))
+    return found
+
+
+@cache
+def _before(step: Step) -> tuple[Step, ...]:
+    """Find the steps that make what a step needs."""
     earlier = STEPS[: STEPS.index(step)]
-    before = [s for s in earlier if s.name in step.after(earlier)]
-    reads = {key for s in (step, *before) for key in s.reads}
-    for upstream in before:
-        reads.update(_name(o) for o in deciding(upstream, overrides))
-    return tuple(o for o in overrides if _is_read(o, reads) or _key(o) not in KEYS)
+    names = step.after(earlier)
+    return tuple(s for s in earlier if s.name in names)
 
 
 def _is_read(override: str, reads: Iterable[str]) -> bool:

@@ -10,8 +10,9 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -52,16 +53,21 @@ class WholeInverse(InverseRows):
     Parameters
     ----------
     inverse : ndarray, shape (node * block, node * block)
+    known : dict
+        Variances that some views' noise has been found to give, by the views.
     """
 
     inverse: Array
     layers: int
     parameters: int
+    known: dict[tuple[int, ...], tuple[Array, Array]] = field(default_factory=dict, repr=False)
 
     @classmethod
     def from_system(cls, system: NormalEquations, parameters: int) -> WholeInverse:
-        """Invert a small system."""
-        return cls(system.inverse, system.layers, parameters)
+        """Invert a small system, or recall its inverse."""
+        if system not in _inverses:
+            _inverses[system] = cls(system.inverse, system.layers, parameters)
+        return _inverses[system]
 
     def of_part(self, part: RegionSamples) -> WholeInverse:
         """Return the same for every part: a small field is one part."""
@@ -105,6 +111,9 @@ class WholeInverse(InverseRows):
             nodal[first::apart], fitted[first::apart] = found, np.diagonal(across)
         return nodal.reshape(self.layers, -1, p), fitted.reshape(-1, p).sum(axis=0)
 
+
+#: Inverses of systems that are still there, since fits by several solvers have one in common.
+_inverses: WeakKeyDictionary[NormalEquations, WholeInverse] = WeakKeyDictionary()
 
 #: A node is odd if its own information differs by this part from that of the Kronecker product, in
 #: any direction.

@@ -368,8 +368,11 @@ class Bounds:
 def _whole(part: RegionSamples, rows: InverseRows, views: IndexArray) -> tuple[Array, Array]:
     """Compute variances of some views together, of a small system."""
     assert isinstance(rows, WholeInverse)
-    std = part.model.pixel_std
-    return rows.variances([part.influences[k] for k in views], [std[k] ** 2 for k in views])
+    std, key = part.model.pixel_std, tuple(map(int, views))
+    if key not in rows.known:
+        influences = [part.influences[k] for k in views]
+        rows.known[key] = rows.variances(influences, [std[k] ** 2 for k in views])
+    return rows.known[key]
 
 
 def _of_samples(part: RegionSamples, k: int, variance: Array) -> Array:

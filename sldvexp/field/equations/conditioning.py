@@ -31,10 +31,11 @@ def condition_numbers(system: NormalEquations, solve: Solve) -> tuple[float, flo
     shape = (system.layers, system.graph.nodes, system.block, -1)
     size = system.nodes * system.block
     if system.is_small:
-        return _of_dense(system.dense, system.inverse)
+        return _of_dense(system.eigenvalues, system.dense, system.inverse)
     if system.exact:
         inverse = KroneckerInverse.from_system(system).surface.solve
-        line = _of_dense(system.line, np.linalg.inv(system.line).astype(float))
+        inverse_line = np.linalg.inv(system.line).astype(float)
+        line = _of_dense(np.linalg.eigvalsh(system.line), system.line, inverse_line)
         surface = _of_operators(lambda x: system.surface @ x, inverse, system.surface.shape[0])
         return line[0] * surface[0], line[1] * surface[1]
 
@@ -47,8 +48,7 @@ def condition_numbers(system: NormalEquations, solve: Solve) -> tuple[float, flo
     return _of_operators(times, inverse_times, size)
 
 
-def _of_dense(matrix: Array, inverse: Array) -> tuple[float, float]:
-    value = np.linalg.eigvalsh(matrix)
+def _of_dense(value: Array, matrix: Array, inverse: Array) -> tuple[float, float]:
     norms = np.linalg.norm(matrix, 1) * np.linalg.norm(inverse, 1)
     ratio = value[-1] / value[0] if value[0] > 0 else np.inf  # negative by round-off
     return float(ratio), float(1 / norms)

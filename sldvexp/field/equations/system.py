@@ -239,6 +239,11 @@ class NormalEquations:
         matrix: Array = self.matrix().toarray()
         return matrix
 
+    @cached_property
+    def eigenvalues(self) -> Array:
+        """Eigenvalues of `dense`, ascending."""
+        return np.linalg.eigvalsh(self.dense)
+
     @property
     def is_singular(self) -> bool:
         """Whether `dense` is singular, or so near it that round-off decides its inverse."""

@@ -29,7 +29,7 @@ from sldvexp.field.equations.regions import RegionIterator
 from sldvexp.field.equations.system import Solve, solution
 from sldvexp.field.equations.undetermined import Observability
 from sldvexp.field.estimate import NO_COVARIANCE, check_views, solved_with
-from sldvexp.field.fit import FieldEstimate, FieldFit
+from sldvexp.field.fit import FieldEstimate, FieldSetUp
 from sldvexp.field.result import pooled
 from sldvexp.field.solvers.base import Solver
 from sldvexp.field.streaming.compression import Compressed, FrequencyModes, slices
@@ -80,7 +80,7 @@ class Ready:
         check_views(visibility)
         poses = pose_covariance(visibility.views, None if errors is None else errors.covariance)
         data = [np.where(v.usable[:, None], v.velocity.real, 0.0) for v in visibility.views]
-        fit = FieldFit.from_images(visibility, method, solver, local, data)
+        fit = FieldSetUp.from_images(visibility, method, local, data).solved(solver, data)
         messages, modes = fit.messages, compressed.modes
         effect = None if poses is None else ModeEffect(poses, modes, fit.theta, data)
         if effect is None:

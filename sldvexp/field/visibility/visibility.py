@@ -6,7 +6,7 @@ and fields without one of the views, do not project its samples again.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from copy import copy
 from dataclasses import dataclass, field, replace
 from typing import Any, Self
@@ -27,6 +27,8 @@ from sldvexp.volume.samples import sample_frames
 
 #: Samples of a volume up to which what the views see of them is remembered.
 CACHE_SAMPLES = 200_000
+#: Bytes of matrices of the interpolation's errors up to which they are remembered.
+CACHE_ERRORS = 2**26
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,6 +90,9 @@ class VolumeVisibility:
     _interpolators: list[Interpolator] = field(init=False, repr=False)
     _occlusions: list[Occlusion | None] = field(init=False, repr=False)
     _whole: SampleVisibility | None = field(init=False, repr=False, default=None)
+    _errors: list[scipy.sparse.csr_array] | None = field(init=False, repr=False, default=None)
+    #: What fits of these views by several methods and solvers have in common; None to keep nothing.
+    common: dict[Hashable, Any] | None = field(init=False, repr=False, default=None)
 
     @classmethod
     def from_volume(
@@ -127,7 +132,7 @@ class VolumeVisibility:
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave out what is remembered: another process remembers its own."""
-        return {**self.__dict__, "_whole": None}
+        return {**self.__dict__, "_whole": None, "_errors": None, "common": None}
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -142,7 +147,12 @@ class VolumeVisibility:
     @property
     def interpolation_errors(self) -> list[scipy.sparse.csr_array]:
         """Matrices of every view, from velocities of pixels to errors of interpolation there."""
-        return [self.interpolation.mean_error(view) for view in self.views]
+        if self._errors is not None:
+            return self._errors
+        found = [self.interpolation.mean_error(view) for view in self.views]
+        if sum(matrix.data.nbytes for matrix in found) <= CACHE_ERRORS:
+            self._errors = found
+        return found
 
     def slopes(self, data: Sequence[Array]) -> list[Array]:
         """Differentiate columns of every view's image at its pixels, shape (2, pixel, column)."""
@@ -177,9 +187,11 @@ class VolumeVisibility:
         """Leave one view out, keeping all that is prepared and remembered of the others."""
         others = [i for i in range(len(self.views)) if i != k]
         left = copy(self)
+        left.common = None
         left.views = [self.views[i] for i in others]
         left._interpolators = [self._interpolators[i] for i in others]
         left._occlusions = [self._occlusions[i] for i in others]
+        left._errors = None if self._errors is None else [self._errors[i] for i in others]
         if self._whole is not None:
             left._whole = replace(
                 self._whole, by_view=tuple(self._whole.by_view[i] for i in others)
@@ -189,14 +201,14 @@ class VolumeVisibility:
     def seen_by(self, views: Sequence[View]) -> Self:
         """Give the same images other poses."""
         moved = copy(self)
-        moved.views, moved._whole = views, None
+        moved.views, moved._whole, moved.common = views, None, None
         moved._occlusions = [moved._occlusion(v) for v in views]
         return moved
 
     def seen_with(self, laser: TwoMirror) -> Self:
         """Give the same images and poses another laser."""
         other = copy(self)
-        other.laser, other._whole = laser, None
+        other.laser, other._whole, other.common = laser, None, None
         other._occlusions = [other._occlusion(v) for v in self.views]
         return other
 

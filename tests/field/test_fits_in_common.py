@@ -1,0 +1,98 @@
+"""Fits of the same views share equations, inverses and variances, and are what each is alone."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+
+from sldvexp.field import Direct, Iterative, View, VolumeVisibility
+from sldvexp.field.bounds.inverse import WholeInverse
+from sldvexp.field.estimate import solve_field
+from sldvexp.field.result import FieldResult
+from sldvexp.laser import TwoMirror
+from sldvexp.reconstruction import Absolute, Combined, Contravariant, Model, Relative
+from sldvexp.volume import Grid
+
+METHODS = [
+    Absolute(),
+    Relative(),
+    Combined(),
+    Contravariant(),
+    Contravariant(rows="all"),
+    Absolute(model=Model.full),
+]
+SOLVERS = [Iterative(), Direct()]
+VOLUME = Grid(size=[0.3, 0.3], shape=[4, 4], layers=3, thickness=0.02)
+
+
+@pytest.fixture
+def look(make_views: Callable[..., list[View]], laser: TwoMirror) -> Callable[[], VolumeVisibility]:
+    rng = np.random.default_rng(5)
+    views = [
+        replace(v, velocity=rng.normal(size=(*v.velocity.shape, 2)) @ [1e-3, 1e-3j])
+        for v in make_views(5, pixels=20, covariance=1e-8 * np.eye(6))
+    ]
+    return lambda: VolumeVisibility.from_volume(views, laser, VOLUME)
+
+
+def assert_same_bits(found: FieldResult, alone: FieldResult) -> None:
+    for f in fields(found):
+        a, b = getattr(found, f.name), getattr(alone, f.name)
+        if f.name == "variance":
+            assert a.keys() == b.keys()
+            for source in a:
+                np.testing.assert_array_equal(a[source], b[source], err_msg=source)
+        if isinstance(a, np.ndarray | float | int):
+            np.testing.assert_array_equal(a, b, err_msg=f.name)
+    assert found.messages == alone.messages
+    assert repr(found.intercept_test) == repr(alone.intercept_test)
+
+
+def test_every_method_and_solver_is_what_it_is_alone(look: Callable[[], VolumeVisibility]) -> None:
+    """To the last bit, in whatever order they come."""
+    together = look()
+    together.common = {}
+    for solvers in (SOLVERS, SOLVERS[::-1]):
+        for method in METHODS:
+            for solver in solvers:
+                alone = solve_field(look(), method, solver)
+                assert_same_bits(solve_field(together, method, solver), alone)
+
+
+def test_variances_are_computed_once_for_all_solvers(
+    look: Callable[[], VolumeVisibility], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Those of each method, and the least of all: not those of each pair of method and solver."""
+    computed, usual = [], WholeInverse.variances
+
+    def counted(*args):
+        computed.append(args[0])
+        return usual(*args)
+
+    monkeypatch.setattr(WholeInverse, "variances", counted)
+    together = look()
+    together.common = {}
+    for method in METHODS:
+        for solver in SOLVERS:
+            solve_field(together, method, solver)
+    assert len(computed) == len(METHODS) + 1
+
+
+def test_views_of_another_pose_or_without_one_share_nothing(
+    look: Callable[[], VolumeVisibility], laser: TwoMirror
+) -> None:
+    together = look()
+    together.common = {}
+    solve_field(together, Absolute(), Iterative())
+    assert together.common
+    for other in (together.without(0), together.seen_by(together.views), together.seen_with(laser)):
+        assert other.common is None
+    left = together.without(1)
+    fresh = VolumeVisibility.from_volume(left.views, laser, VOLUME)
+    for method in METHODS[:1]:
+        a, b = (solve_field(seen, method, Iterative()) for seen in (left, fresh))
+        np.testing.assert_array_equal(a.velocity, b.velocity)
+        np.testing.assert_array_equal(a.std, b.std)
