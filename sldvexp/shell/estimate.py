@@ -36,7 +36,7 @@ from sldvexp.shell.nodal_velocity import NodalVelocity
 from sldvexp.shell.nuisances import PriorErrors
 from sldvexp.shell.outline import Outline
 from sldvexp.shell.principal import PRINCIPAL
-from sldvexp.shell.refusals import require_no_crossing
+from sldvexp.shell.refusals import require_no_crossing, require_thin
 from sldvexp.shell.shell import Shell
 from sldvexp.shell.splines import TensorSplines
 from sldvexp.shell.surface_fit import TYPICAL, SurfaceFit, fit
@@ -381,6 +381,8 @@ def _estimate(
     prisms = volume.prisms()
     outline = Outline.of(volume, prisms, given)
     require_no_crossing(outline)
+    if material is not None:
+        require_thin(outline, material.thickness)
     longest = float((outline.high - outline.low).max())
     length, level = None, 1.0
     if isinstance(method, Shell):

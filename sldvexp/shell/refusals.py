@@ -16,6 +16,8 @@ from sldvexp.geometry import Bins
 from sldvexp.shell.outline import Outline
 from sldvexp.typing import Array
 
+#: Thickness over the longer side of a surface from which no theory of thin sheets is meant.
+THICK = 0.5
 #: Barycentric coordinate of a place beyond which it lies inside of a triangle, and not at its rim.
 INSIDE = 0.01
 
@@ -41,6 +43,26 @@ def require_no_crossing(outline: Outline) -> None:
             f"the volume's surface crosses itself: {len(np.unique(place[over]))} of "
             f"{len(corners)} triangles lie over others, between {low[0]:.4g} and {high[0]:.4g} mm "
             f"along its first direction and {low[1]:.4g} and {high[1]:.4g} mm along its second"
+        )
+
+
+def require_thin(outline: Outline, thickness: float) -> None:
+    """Complain about a sheet that is nearly as thick as its surface is long.
+
+    Parameters
+    ----------
+    thickness : float, m
+
+    Raises
+    ------
+    UserError
+        If it is.
+    """
+    longer = float((outline.high - outline.low).max())
+    if thickness > THICK * longer:
+        raise UserError(
+            f"material.thickness is {thickness:.4g} m, and the surface is {longer:.4g} m long: "
+            "that is no thin sheet; is the thickness in m?"
         )
 
 

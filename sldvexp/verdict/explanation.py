@@ -82,7 +82,7 @@ class Explanation:
         That are wrong; none for a clean session.
     kind : str
         ``clean``, ``sign``, ``conjugate``, ``rms``, ``inverse_rms``, ``gain``, ``phase``,
-        ``factor``, ``pose``, ``other_field`` or ``exchanged``.
+        ``factor``, ``pose``, ``direction``, ``other_field``, ``other_values`` or ``exchanged``.
     criterion : float
         The smaller, the better.
     factor : complex
@@ -97,6 +97,8 @@ class Explanation:
         Of that pose.
     misfit : float
         Squares that it leaves over those of the noise.
+    places : tuple of str
+        Points and frequencies at which alone the view has ``other_values``.
     """
 
     view: tuple[int, ...]
@@ -108,6 +110,7 @@ class Explanation:
     free: tuple[int, ...] = ()
     covariance: Array | None = None
     misfit: float = np.nan
+    places: tuple[str, ...] = ()
 
     @property
     def explains(self) -> bool:

@@ -10,6 +10,13 @@ A mistake is named by refits: view k against what the others predict, ``p = D_k 
 variance g, gives ``T_-k + sum |y_k - c p|^2 / (1 + |c|^2 g)`` for a factor c, and the like for a
 conjugate, for turned directions, for exchanged views.
 
+A view may be wrong at single points or frequencies alone, a misread number or two points that were
+exchanged: then the fit without these values is as good as it should be, for two numbers each.
+
+If whichever view is left out the others still disagree, the noise is larger than stated, or more
+than one view is wrong. Then nothing is named by the stated noise, and a view is only rejected if it
+is much further off than all others are.
+
 Where no noise is stated, its size is what the refit leaves: with q numbers and n degrees left over,
 ``F = (T - T_refit) / q / (T_refit / n)`` of every kind, as many times less probable as kinds are
 tried. Four views have that test alone, since three always agree.
@@ -26,7 +33,7 @@ import numpy as np
 from sldvexp.dataset import Finding
 from sldvexp.lazy import scipy
 from sldvexp.lazy import xarray as xr
-from sldvexp.typing import Array, ComplexArray, IndexArray
+from sldvexp.typing import Array, BoolArray, ComplexArray, IndexArray
 from sldvexp.verdict.explanation import (
     CONJUGATES,
     LEAST_VIEWS,
@@ -37,7 +44,9 @@ from sldvexp.verdict.explanation import (
     tells_views_apart,
 )
 from sldvexp.verdict.repairs import Repair, examined_repairs
-from sldvexp.verdict.wording import disagreement, noise_finding, unexplained, untested
+from sldvexp.verdict.repeated import repeated_views
+from sldvexp.verdict.sample_places import SamplePlaces
+from sldvexp.verdict.wording import OFF_NOISE, disagreement, noise_finding, unexplained, untested
 
 #: Points and frequencies that are compared; of more, evenly chosen ones.
 MOST_SAMPLES = 20_000
@@ -46,6 +55,8 @@ DETERMINED = 1e-3
 STEPS = 8
 #: Why views that are enough are not compared.
 FEW = "as too few points are seen by enough of them"
+#: Single points, lines or values at which a view may be wrong alone, and their part of all at most.
+MOST_PLACES, PART = 3, 1 / 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,6 +71,8 @@ class PointData:
         Of real and imaginary part each; infinite where a velocity is missing.
     stated : bool
         True if the noise is known; otherwise it is even, and its size is not.
+    places : SamplePlaces
+        Which point and frequency every sample is.
     """
 
     names: tuple[str, ...]
@@ -67,6 +80,7 @@ class PointData:
     velocity: ComplexArray
     noise: Array
     stated: bool
+    places: SamplePlaces
 
     @classmethod
     def from_dataset(cls, line_of_sight: xr.Dataset) -> PointData:
@@ -93,7 +107,9 @@ class PointData:
             noise = np.where(missing, np.inf, 1.0)
         step = max(1, int(np.ceil(len(values) / MOST_SAMPLES)))
         names = tuple(str(v) for v in line_of_sight["view"].values)
-        found = cls(names, directions, values, noise, stated).take(slice(None, None, step))
+        places = SamplePlaces.from_coordinates(one, cases)
+        found = cls(names, directions, values, noise, stated, places)
+        found = found.take(slice(None, None, step))
         return found.take(found.determined)
 
     def take(self, kept: slice | Array) -> PointData:
@@ -103,7 +119,14 @@ class PointData:
             directions=self.directions[kept],
             velocity=self.velocity[kept],
             noise=self.noise[kept],
+            places=self.places.take(kept),
         )
+
+    def without(self, k: int, samples: BoolArray) -> PointData:
+        """Forget what a view has at some samples."""
+        noise, velocity = self.noise.copy(), self.velocity.copy()
+        noise[samples, k], velocity[samples, k] = np.inf, 0.0
+        return replace(self, noise=noise, velocity=velocity)
 
     @property
     def determined(self) -> Array:
@@ -213,7 +236,9 @@ def examine_points(
         return _examine(PointData.from_dataset(groups["line_of_sight"]))
 
     groups, findings, _ = examined_repairs({"line_of_sight": line_of_sight}, use_repair, examine)
-    return groups["line_of_sight"], findings
+    names = map(str, line_of_sight["view"].values)
+    seen = dict(zip(names, line_of_sight["velocity"].transpose("view", ...).values, strict=True))
+    return groups["line_of_sight"], [*repeated_views(seen), *findings]
 
 
 def _examine(data: PointData) -> tuple[list[Finding], list[Repair]]:
@@ -227,21 +252,18 @@ def _examine(data: PointData) -> tuple[list[Finding], list[Repair]]:
     each = range(views)
     others = [SampleVelocities.of(data, [i for i in each if i != k]) for k in each]
     kinds = _kinds(data, fit, others)
-    tests = _tests(data, fit, others, kinds)
+    excess = _excess(others) if data.stated else 1.0
+    tests = _tests(data, fit, others, kinds, excess)
     if not tests.rejects:
         noise = noise_finding(tests, of_points=True) if data.stated else None
         return [noise] if noise else [], []
-    ranked = _ranked(data, kinds)
+    for k in each:
+        kinds += _at_places(data, k, others[k])
+    ranked = _ranked(data, kinds, excess)
     if not ranked[0].view:
-        return [unexplained(data.names, tests)], []
+        return [unexplained(data.names, tests, of_points=True)], []
     best, other = tells_views_apart(ranked)
-    return _named(data.names, tests, best, other)
-
-
-def _named(
-    names: Sequence[str], tests: ViewTests, best: Explanation, other: Explanation | None
-) -> tuple[list[Finding], list[Repair]]:
-    finding, repairs = disagreement(names, tests, best, other)
+    finding, repairs = disagreement(data.names, tests, best, other, of_points=True)
     return [finding], repairs
 
 
@@ -254,10 +276,12 @@ def _tests(
     fit: SampleVelocities,
     others: Sequence[SampleVelocities],
     kinds: Sequence[Kind],
+    excess: float,
 ) -> ViewTests:
     """Test every view as a whole, by what leaving it out takes off the misfit.
 
-    Without a stated noise by the kinds of mistakes besides.
+    Without a stated noise by the kinds of mistakes besides. With an `excess` above one the stated
+    noise is no measure either.
     """
     statistic, p_value = [], []
     for left in others:
@@ -265,7 +289,7 @@ def _tests(
         if q <= 0:
             statistic.append(0.0)
             p_value.append(1.0)
-        elif data.stated or left.dof <= 0:
+        elif (data.stated and excess <= 1) or left.dof <= 0:
             statistic.append(drop / q)
             p_value.append(float(scipy.special.chdtrc(q, drop)) if data.stated else 1.0)
         else:
@@ -283,6 +307,15 @@ def _tests(
         fit.squares / fit.dof,
         2 * min(above, 1 - above),
     )
+
+
+def _excess(others: Sequence[SampleVelocities]) -> float:
+    """Give the least misfit that leaving a view out leaves, over its noise; 1 if that is noise."""
+    each = [
+        (float(scipy.special.chdtrc(o.dof, o.squares)), o.squares / o.dof) for o in others if o.dof
+    ]
+    p_value, misfit = max(each, default=(1.0, 1.0))
+    return misfit if p_value < OFF_NOISE else 1.0
 
 
 def _mistakes(fit: SampleVelocities, kinds: Sequence[Kind], views: int) -> tuple[Array, Array]:
@@ -317,13 +350,15 @@ def _kinds(
     return found
 
 
-def _ranked(data: PointData, found: Sequence[Kind]) -> list[Explanation]:
+def _ranked(data: PointData, found: Sequence[Kind], excess: float) -> list[Explanation]:
     """Rank explanations, the best first."""
-    scale = 1.0
+    scale = excess
     if not data.stated:
         scale = max(min(h.criterion / max(dof, 1) for h, _, dof in found), np.finfo(float).tiny)
     penalty = float(np.log(2 * max(data.seen.sum(), 2)))
-    told = [replace(h, criterion=h.criterion / scale + q * penalty) for h, q, _ in found]
+    told = [
+        replace(h, criterion=h.criterion / scale + q * penalty, misfit=excess) for h, q, _ in found
+    ]
     return sorted(told, key=lambda h: h.criterion)
 
 
@@ -351,6 +386,29 @@ def _of_view(data: PointData, k: int, left: SampleVelocities) -> Iterator[Kind]:
             told = Explanation((k,), kind, squares, c, (std, std))
             yield told, 3.0 if kind == "factor" else 2.0, dof
     yield from _directions(data, k, at, left, samples, dof)
+
+
+def _at_places(data: PointData, k: int, left: SampleVelocities) -> Iterator[Kind]:
+    """Yield single points, frequencies and values at which a view may be wrong alone."""
+    predicted, variance = left.predict(data.directions[:, k])
+    seen = data.seen[:, k]
+    variance = np.where(seen, data.noise[:, k] ** 2 + variance, np.inf)
+    off = np.abs(data.velocity[:, k] - predicted) ** 2 / variance
+    for group, said in data.places.groupings():
+        count = np.bincount(group, seen, len(said))
+        mean = np.bincount(group, off, len(said)) / np.maximum(count, 1)
+        worst = np.argsort(-mean, kind="stable")
+        for many in range(1, MOST_PLACES + 1):
+            if many > PART * np.count_nonzero(count):
+                break
+            chosen = worst[:many]
+            fit = SampleVelocities.of(
+                data.without(k, np.isin(group, chosen)), range(len(data.names))
+            )
+            told = tuple(said[i] for i in sorted(chosen))
+            # Which of them it is was chosen too: a number more of each.
+            numbers = 2 * float(count[chosen].sum()) + 2 * many
+            yield Explanation((k,), "other_values", fit.squares, places=told), numbers, fit.dof
 
 
 def _misfit(

@@ -53,8 +53,10 @@ from sldvexp.verdict.lines import at_few_lines, carried_over
 from sldvexp.verdict.pointing_noise import mean_angle, pointing_noise
 from sldvexp.verdict.refinement import moved_poses, refine
 from sldvexp.verdict.repairs import Repair, examined_repairs
+from sldvexp.verdict.repeated import repeated_views
 from sldvexp.verdict.wording import (
     disagreement,
+    looks_beside,
     noise_finding,
     not_compared,
     pointing_finding,
@@ -65,6 +67,9 @@ from sldvexp.volume import Volume
 
 #: Share of a view's pixels above which they are no drop-outs.
 MOST_LEFT_OUT = 0.15
+#: Share of a view's usable pixels that see a surface which other views see well, below which the
+#: view was not taken from where it is said to be.
+MOST_BESIDE = 0.1
 #: Part of the misfit that may be left to a finer field where the mirrors' pointing is judged.
 FOLLOWED = 0.1
 #: Views that a field of three components takes.
@@ -165,7 +170,8 @@ def examine_views(
         groups |= moved
         findings += refinement
     changed = carried_over(tree, few, groups, taken)
-    return Examined(changed, [*findings, *_left_out(few, groups), *_holes(groups, surface)])
+    told = [*_repeated(groups), *findings, *_left_out(few, groups), *_holes(groups, surface)]
+    return Examined(changed, told)
 
 
 class _Examination:
@@ -250,9 +256,13 @@ class _Examination:
         """Take those of the views that see enough of the surface to be compared."""
         seen = {view.name: len(self._seen(view)) for view in views}
         few = {name: pixels for name, pixels in seen.items() if pixels < LEAST_PIXELS}
+        usable = {v.name: int(v.usable.sum()) for v in views}
+        if len(few) < len(views):
+            beside = [n for n in few if few[n] < MOST_BESIDE * usable[n]]
+            self.findings += [looks_beside(n, few.pop(n), usable[n]) for n in beside]
         if few:
             self.findings.append(not_compared(few))
-        return [view for view in views if view.name not in few]
+        return [view for view in views if seen[view.name] >= LEAST_PIXELS]
 
     def _of_pointing(self, bench: Bench, fit: JointFit, tests: ViewTests) -> Finding | None:
         """Name the mirrors' pointing if that is the noise which is not stated.
@@ -328,6 +338,17 @@ class _Examination:
         image.attrs["summary"] = describe_flagged_pixels(flags)
         self.groups[name] = image
         return replace(view, flags=flags)
+
+
+def _repeated(groups: Groups) -> list[Finding]:
+    """Find views that have the image of another one."""
+    return repeated_views(
+        {
+            name.removeprefix("image/"): image["velocity"].values
+            for name, image in groups.items()
+            if name.startswith("image/") and not image.attrs.get("left_out")
+        }
+    )
 
 
 def _more_pixels(bench: Bench, tests: ViewTests) -> tuple[int, int] | None:

@@ -26,6 +26,9 @@ STILL = 0.05
 SEEN = 3.0
 #: Kinds that void the bounds, however sure.
 GROSS = ("sign", "conjugate", "conjugate_sign", "rms", "inverse_rms", "other_field", "exchanged")
+GROSS += ("other_values",)
+#: Kinds that any of four views explains as well.
+OF_ANY = ("other_field", "other_values", "pose")
 
 
 #: Part of the pointing noise that bounds must count.
@@ -64,6 +67,26 @@ def not_compared(pixels: Mapping[str, int]) -> Finding:
         f"usable pixels see the surface, and it takes {LEAST_PIXELS}",
         Severity.note,
         views=tuple(pixels),
+    )
+
+
+def looks_beside(name: str, pixels: int, usable: int) -> Finding:
+    """Say that a view looks beside a surface that others see.
+
+    Parameters
+    ----------
+    pixels, usable : int
+        How many of its usable pixels see the surface, and how many there are.
+    """
+    return Finding(
+        "beside",
+        f"view {name}",
+        f"view {name} looks beside the surface that other views see: {pixels} of its {usable} "
+        "usable pixels meet it, and it has hardly a part in the results; is a sign, an axis or a "
+        "unit of its pose or of its coordinates wrong?",
+        Severity.doubtful,
+        size=pixels / usable,
+        views=(name,),
     )
 
 
@@ -115,7 +138,7 @@ def noise_finding(
         else (
             "pixels",
             "a smooth field of all views",
-            "the field is finer than the test can follow",
+            "or the field is finer than the test can follow",
         )
     )
     if tests.misfit > LARGE_MISFIT:
@@ -123,7 +146,7 @@ def noise_finding(
             "noise",
             "views",
             f"the {what} lie {np.sqrt(tests.misfit):.2f} times their stated noise off {fit}: the "
-            f"noise is larger than stated, or {other}; bounds are as much too small"
+            f"noise is larger than stated, {other}; bounds are as much too small"
             + ("" if pixels is None else more_pixels(*pixels)),
             Severity.doubtful,
             tests.misfit,
@@ -156,6 +179,7 @@ def disagreement(
     tests: ViewTests,
     best: Explanation,
     other: Explanation | None,
+    of_points: bool = False,
 ) -> tuple[Finding, list[Repair]]:
     """Name the view that disagrees, or the two that may, with the repair that would help.
 
@@ -163,9 +187,11 @@ def disagreement(
     ----------
     names : sequence of str
         Of all views.
+    of_points : bool
+        They saw single points, and not a field.
     """
     if not is_significant(best):
-        return unexplained(names, tests), []
+        return unexplained(names, tests, of_points), []
     repairs = [r for h in (best, other) if h for r in [repair_of(names, h)] if r]
     which = " or ".join(_views(names, h.view) for h in (best, other) if h)
     accused = tuple(dict.fromkeys(names[k] for h in (best, other) if h for k in h.view))
@@ -175,14 +201,20 @@ def disagreement(
             f"{which} disagrees with the others, and it cannot be told which: either {told}; or "
             f"{sentence(names, other)}"
         )
-    if len(names) <= LEAST_VIEWS and best.kind in ("other_field", "pose"):
+    if len(names) <= LEAST_VIEWS and best.kind in OF_ANY:
         which, accused = "a view", ()
-        told = "a view disagrees with the others; four views cannot tell which"
+        where = f" at {_listed(best.places)} alone" if best.places else ""
+        told = f"a view disagrees with the others{where}; four views cannot tell which"
         repairs = []
     if not best.explains:
         told += (
             "; but that explains not all: more than one view is wrong, the noise is larger than "
-            "stated, or the field is finer than the test can follow"
+            "stated, or "
+        )
+        told += (
+            "directions are less exact than stated"
+            if of_points
+            else "the field is finer than the test can follow"
         )
     gross = best.kind in GROSS or tests.least < SURE
     test, at = tests.strongest
@@ -200,10 +232,15 @@ def disagreement(
     return finding, repairs
 
 
-def unexplained(names: Sequence[str], tests: ViewTests) -> Finding:
+def unexplained(names: Sequence[str], tests: ViewTests, of_points: bool = False) -> Finding:
     """Say that views disagree by so little that no kind of mistake explains it.
 
     Such a disagreement accuses no view; the one whose test says most is in the text.
+
+    Parameters
+    ----------
+    of_points : bool
+        They saw single points, and not a field.
     """
     test, k = tests.strongest
     told = {
@@ -211,13 +248,19 @@ def unexplained(names: Sequence[str], tests: ViewTests) -> Finding:
         "pose": "was not taken from where its pose says",
         "origin": "was not taken from where its pose says",
         "whole": "is further off than its noise",
+        "mistake": "is further off than its noise",
     }
     return Finding(
         "unexplained",
         "views",
         f"the views agree less well than chance allows (p = {tests.least:.1g}), most likely as "
-        f"view {names[k]} {told[test]}; but no mistake of one view explains it: the field may be "
-        "a little finer than the test can follow, or the noise larger than stated",
+        f"view {names[k]} {told[test]}; but no mistake of one view explains it: "
+        + (
+            "directions may be a little less exact than stated"
+            if of_points
+            else "the field may be a little finer than the test can follow"
+        )
+        + ", or the noise larger than stated",
         Severity.doubtful,
         float(tests.statistic[test][k]),
         tests.least,
@@ -286,6 +329,11 @@ def sentence(names: Sequence[str], of: Explanation) -> str:
         case "direction":
             told = "looks from another direction than is stated: is the sign of an angle wrong?"
             return f"{view} {told}"
+        case "other_values":
+            return (
+                f"{view} has other values than the others predict at {_listed(of.places)} alone: "
+                "is a number misread, or are points or lines exchanged?"
+            )
         case "exchanged":
             return f"{view} are exchanged: each has the velocities of the other"
         case _:
@@ -302,7 +350,7 @@ def shows_nothing(of: Explanation) -> bool:
 
 def repair_of(names: Sequence[str], of: Explanation) -> Repair | None:
     """Make the repair that a explanation proposes."""
-    if not of.view or of.kind == "direction":
+    if not of.view or of.kind in ("direction", "other_values"):
         return None
     view = names[of.view[0]]
     if shows_nothing(of):
@@ -328,6 +376,12 @@ def repair_of(names: Sequence[str], of: Explanation) -> Repair | None:
             return Repair(of.kind, view, names[of.view[1]])
         case _:
             return Repair("left_out", view)
+
+
+def _listed(places: Sequence[str]) -> str:
+    """List places, the last with an ``and``."""
+    *first, last = places
+    return f"{', '.join(first)} and {last}" if first else last
 
 
 def _views(names: Sequence[str], of: Sequence[int]) -> str:

@@ -232,6 +232,13 @@ def test_a_shell_needs_a_thickness():
     assert estimated(views, lab.volume(), Spline(), sheet=None).fit.face == 0
 
 
+def test_a_thickness_in_mm_is_told():
+    views = lab.views(lab.plate(), np.random.default_rng(12))
+    sheet = replace(lab.SHEET, thickness=1e3 * lab.SHEET.thickness)
+    with pytest.raises(UserError, match=r"^material.thickness is \d m, and the surface is 0.\d+ m"):
+        estimated(views, lab.volume(), sheet=sheet)
+
+
 def test_a_structure_at_rest_is_told():
     views = lab.views(lab.plate(), np.random.default_rng(14))
     still = [replace(v, velocity=np.zeros_like(v.velocity)) for v in views]

@@ -6,9 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from sldvexp.dataset import Severity
 from sldvexp.field import View
 from sldvexp.verdict import Examined, examine_views
-from sldvexp.verdict.explanation import Explanation, ViewTests
+from sldvexp.verdict.explanation import LEAST_VIEWS, Explanation, ViewTests
 from sldvexp.verdict.wording import disagreement
 
 from .simulated_views import LASER, groups, session, surface
@@ -128,3 +129,27 @@ def test_factor_that_is_none_accuses_no_view():
     assert "view a was not taken from where its pose says" in finding.text
     clear = replace(slight, factor=1.01)
     assert disagreement(list("abcde"), tests, clear, None)[0].subject == "view a"
+
+
+def turned_away(view: View) -> View:
+    """Look from where the sign of z would have it: at the back, which no beam meets."""
+    return replace(view, origin=view.origin * [1.0, 1.0, -1.0])
+
+
+@pytest.mark.parametrize("count", [5, 4])
+def test_view_that_looks_beside_what_others_see_is_in_doubt(count):
+    views = changed(turned_away, 2)[:count]
+    [found] = [f for f in examined(views).findings if f.severity is not Severity.note]
+    assert (found.kind, found.subject) == ("beside", "view v3")
+    assert "0 of its 315 usable pixels meet it" in found.text
+
+
+@pytest.mark.parametrize("count", [3, 5])
+def test_file_that_was_read_twice_is_named_of_three_views_too(count):
+    views = changed(flagged(0.0), 0)[:count]
+    views[2] = replace(views[2], velocity=views[1].velocity, flags=views[1].flags)
+    found = {f.kind: f for f in examined(views).findings}
+    assert found["repeated"].subject == "views v2 and v3"
+    assert found["repeated"].severity is Severity.void
+    repaired = examined(views, use_repair=["view_v3.left_out"]) if count > LEAST_VIEWS else None
+    assert repaired is None or "repeated" not in {f.kind for f in repaired.findings}

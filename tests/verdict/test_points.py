@@ -125,3 +125,78 @@ def test_missing_velocities_have_no_say():
     values[(int(wrong[-1]) + 1) % 6, ::2] = np.nan
     group["velocity"] = group["velocity"].copy(data=values)
     assert kinds(group) == [("sign", wrong)]
+
+
+def grid_of_points(seed, views=5, std=NOISE):
+    """Simulate six points at six frequencies: the group, and the true noise added."""
+    rng = np.random.default_rng(seed)
+    group, _ = points(seed, views, lines=36)
+    seen = group["velocity"].values.reshape(views, 6, 6)
+    labels = {"view": group["view"].values, "point": np.arange(1, 7)}
+    labels["frequency"] = 400.0 + 10 * np.arange(6)
+    made = dataset.group(
+        "line_of_sight",
+        labels,
+        direction_cosines=np.repeat(group["direction_cosines"].values[:, None], 6, axis=1),
+        velocity=seen,
+        velocity_std=np.full(seen.shape, std),
+    )
+    return made, int(rng.integers(views))
+
+
+@pytest.mark.parametrize(
+    ("spoil", "place"),
+    [
+        (lambda v: v.__setitem__((2, 3), -v[2, 3]), "at point 3 at 430 Hz alone"),
+        (lambda v: v.__setitem__((2, 3), 10 * v[2, 3]), "at point 3 at 430 Hz alone"),
+        (lambda v: v.__setitem__(4, -v[4]), "at point 5 alone"),
+        (lambda v: v.__setitem__((slice(None), 1), 1.3 * v[:, 1]), "at 410 Hz alone"),
+        (lambda v: v.__setitem__([1, 2], v[[2, 1]]), "at point 2 and point 3 alone"),
+    ],
+    ids=["a sign", "a digit", "a point", "a line", "two points exchanged"],
+)
+def test_single_wrong_values_are_named_with_their_places(spoil, place):
+    named = 0
+    for seed in range(10):
+        group, wrong = grid_of_points(seed)
+        spoil(group["velocity"].values[wrong])
+        [finding] = examine_points(group)[1]
+        assert finding.severity is Severity.void
+        named += finding.kind == "other_values" and f"v{wrong}" in finding.text
+        named -= place not in finding.text
+    assert named >= 9
+
+
+def test_wrong_value_of_four_views_is_placed_though_not_in_a_view():
+    group, wrong = grid_of_points(3, views=4)
+    group["velocity"].values[wrong, 2, 3] *= -1
+    [finding] = examine_points(group)[1]
+    assert (finding.kind, finding.subject) == ("other_values", "a view")
+    assert "at point 3 at 430 Hz alone; four views cannot tell which" in finding.text
+
+
+@pytest.mark.parametrize("small", [3, 1000])
+def test_noise_in_another_unit_accuses_no_view(small):
+    for seed in range(10):
+        [finding] = examine_points(grid_of_points(seed, std=NOISE / small)[0])[1]
+        assert (finding.kind, finding.subject) == ("noise", "views")
+        assert finding.severity is Severity.doubtful
+
+
+@pytest.mark.parametrize("factor", [-1.0, 1.1])
+def test_two_wrong_views_are_said_to_be_more_than_one(factor):
+    for seed in range(10):
+        group, wrong = grid_of_points(seed)
+        group["velocity"].values[[wrong, wrong - 1]] *= factor
+        [finding] = examine_points(group)[1]
+        assert finding.severity is not Severity.note
+        assert "more than one view is wrong" in finding.text
+
+
+@pytest.mark.parametrize("views", [3, 5])
+def test_velocities_that_were_read_twice_are_named(views):
+    group, _ = grid_of_points(1, views)
+    group["velocity"].values[2] = group["velocity"].values[0]
+    found = examine_points(group)[1][0]
+    assert (found.kind, found.subject) == ("repeated", "views v0 and v2")
+    assert found.severity is Severity.void
