@@ -114,13 +114,9 @@ def panels_of_views(
     """
     number = len(titles)
     columns = style.fitting(min(number, COLUMNS), least)
-    size = (-(-number // columns), columns, ratio)
-    room: dict[str, Any] = {
-        "beside": style.NUMBERS + more,
-        "left": style.LEFT + more,
-        "right": 0.15,
-    }
-    made, axes = style.sheet(*size, title, titles, **room, **shared)
+    beside, left = style.NUMBERS + more, style.LEFT + more
+    room: dict[str, Any] = {"beside": beside, "left": left, "right": 0.15, **shared}
+    made, axes = style.sheet(-(-number // columns), columns, ratio, title, titles, **room)
     for axis in axes.ravel()[number:]:
         axis.remove()
     return made, axes

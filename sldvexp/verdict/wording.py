@@ -25,8 +25,8 @@ STILL = 0.05
 #: Standard errors by which a factor must differ from one to explain anything.
 SEEN = 3.0
 #: Kinds that void the bounds, however sure.
-GROSS = ("sign", "conjugate", "conjugate_sign", "rms", "inverse_rms", "other_field", "exchanged")
-GROSS += ("other_values",)
+OF_SCALE = "sign", "conjugate", "conjugate_sign", "rms", "inverse_rms"
+GROSS = *OF_SCALE, "other_field", "exchanged", "other_values"
 #: Kinds that any of four views explains as well.
 OF_ANY = ("other_field", "other_values", "pose")
 

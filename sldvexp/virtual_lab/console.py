@@ -78,8 +78,8 @@ def serve(
         server = LabServer(lab, host, port)
     except OSError as error:
         if (error.errno or 0) < 0:  # of a name that nobody knows, as socket.gaierror has it
-            told = "there is no address of this name; 127.0.0.1 is this machine alone"
-            raise UserError(f"--host {host}: {told}") from None
+            unknown = "there is no address of this name; 127.0.0.1 is this machine alone"
+            raise UserError(f"--host {host}: {unknown}") from None
         why = f"cannot listen on {host}, port {port}: {os.strerror(error.errno or 0)}"
         raise UserError(f"{why}; --port 0 takes a free one") from None
     with server, suppress(KeyboardInterrupt):

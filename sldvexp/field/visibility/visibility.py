@@ -6,7 +6,7 @@ and fields without one of the views, do not project its samples again.
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Sequence
+from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, field, replace
 from typing import Any, Self
@@ -92,7 +92,7 @@ class VolumeVisibility:
     _whole: SampleVisibility | None = field(init=False, repr=False, default=None)
     _errors: list[scipy.sparse.csr_array] | None = field(init=False, repr=False, default=None)
     #: What fits of these views by several methods and solvers have in common; None to keep nothing.
-    common: dict[Hashable, Any] | None = field(init=False, repr=False, default=None)
+    common: dict[tuple[Any, ...], Any] | None = field(init=False, repr=False, default=None)
 
     @classmethod
     def from_volume(
