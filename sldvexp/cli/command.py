@@ -198,7 +198,8 @@ class Command:
                 return self._complete()
             if commands.named(options):
                 return self._command(options)
-            with config.cached_loader.remembering(self._before_run):
+            shown = bool(options.cfg) and not options.info  # of a shown one no plugin is made
+            with config.cached_loader.remembering(self._before_run, shown):
                 try:
                     self._compose_and_run(options)
                 except MissingConfigException:

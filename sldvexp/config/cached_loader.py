@@ -35,6 +35,7 @@ from sldvexp.config.paths import conf_dir
 from sldvexp.config.quick_copies import quick_copies
 from sldvexp.config.registry import looked_for_packages
 from sldvexp.config.repository import Memory, copies_of
+from sldvexp.config.schema_table import SchemaTable
 from sldvexp.limits import YAML_BYTES
 
 #: Entries of a folder of configurations that are looked at: of one with more nothing is kept.
@@ -142,6 +143,8 @@ class RememberingLoader(NamingLoader):
 
     def _composed(self, config_name: str | None, choosing: tuple[str, ...]) -> DictConfig:
         """Compose the choices as Hydra does, to be changed at will."""
+        if self.repository.table is not None:
+            return super()._load_configuration_impl(config_name, [*choosing], RunMode.RUN)
         key = config_name, choosing
         if key not in self._known:
             lasting, name = self._lasting, name_of_composition(key, self.repository.sources)
@@ -156,8 +159,44 @@ class RememberingLoader(NamingLoader):
         return config
 
 
+class ShowingLoader(RememberingLoader):
+    """Loader of a configuration that is shown: it loads no plugin.
+
+    What cannot be composed in this way is composed as for a run, of which come all sentences.
+    """
+
+    def _load_configuration_impl(
+        self,
+        config_name: str | None,
+        overrides: list[str],
+        run_mode: RunMode,
+        from_shell: bool = True,
+        validate_sweep_overrides: bool = True,
+    ) -> DictConfig:
+        asked = config_name, overrides, run_mode, from_shell, validate_sweep_overrides
+        with suppress(Exception):
+            return self._of_table(config_name, overrides, run_mode)
+        return super()._load_configuration_impl(*asked)
+
+    def _of_table(
+        self, config_name: str | None, overrides: list[str], run_mode: RunMode
+    ) -> DictConfig:
+        """Compose the program's own files and schemas as they were read before."""
+        parsed = OverridesParser.create().parse_overrides(overrides)
+        self.validate_sweep_overrides_legal(parsed, run_mode, from_shell=True)
+        table = SchemaTable()
+        self.repository.table = table
+        try:
+            with table.of_classes():
+                composed = self._on_top(parsed, config_name)
+        finally:
+            self.repository.table = None
+        table.keep()
+        return composed
+
+
 @contextmanager
-def remembering(before_run: Callable[[DictConfig], None]) -> Iterator[None]:
+def remembering(before_run: Callable[[DictConfig], None], shown: bool = False) -> Iterator[None]:
     """Let Hydra use `RememberingLoader` while in it; it has no setting for its loader.
 
     Parameters
@@ -165,6 +204,8 @@ def remembering(before_run: Callable[[DictConfig], None]) -> Iterator[None]:
     before_run : callable
         Gets the composed configuration of a single run, Hydra's own included, before Hydra makes
         or changes anything in the run's folder. What it raises ends the command.
+    shown : bool
+        Whether the configuration is only shown.
     """
     usual, run_job = program.ConfigLoaderImpl, program.run_job
 
@@ -172,7 +213,7 @@ def remembering(before_run: Callable[[DictConfig], None]) -> Iterator[None]:
         before_run(arguments["config"])
         return run_job(**arguments)
 
-    program.ConfigLoaderImpl = RememberingLoader  # type: ignore[misc]
+    program.ConfigLoaderImpl = ShowingLoader if shown else RememberingLoader  # type: ignore[misc]
     program.run_job = checked  # type: ignore[assignment]
     try:
         with quick_copies():

@@ -37,6 +37,7 @@ REPLAYED = "instrument=replay"
 class NamingLoader(ConfigLoaderImpl):
     """Hydra's loader, for which ``1`` and ``"1"`` name the same entry of a table."""
 
+    repository: RememberingRepository
     _replays = False
 
     def __init__(self, config_search_path: ConfigSearchPath):

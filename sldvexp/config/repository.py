@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from copy import deepcopy
 from functools import cache
+from pathlib import Path
 from typing import Any
 from uuid import uuid4
 
@@ -27,6 +28,8 @@ from yaml.resolver import Resolver
 
 from sldvexp.config import registry
 from sldvexp.config.hydra_plugin import PluginSource, group_and_name
+from sldvexp.config.paths import conf_dir
+from sldvexp.config.schema_table import SchemaTable
 
 
 def copies_of(value: Any) -> Callable[[], Any]:
@@ -100,11 +103,23 @@ _read: dict[tuple[object, ...], Callable[[], Any]] = {}
 
 
 class RememberingRepository(ConfigRepository):
-    """Hydra's files and schemas, of which every one is read once; each reader gets its own copy."""
+    """Hydra's files and schemas, of which every one is read once; each reader gets its own copy.
+
+    Attributes
+    ----------
+    table : SchemaTable, optional
+        Of which the program's own are taken, for a composition that is shown and not run.
+    """
+
+    table: SchemaTable | None = None
 
     def load_config(self, config_path: str) -> ConfigResult | None:
         """See `ConfigRepository`."""
         source = self._find_object_source(config_path, ObjectType.CONFIG)
+        if self.table is not None and source is not None and _is_own(source, config_path):
+            name = f"{source.provider} {source.full_path()} {config_path}"
+            kept: ConfigResult | None = self.table.read(name, lambda: self._load(config_path))
+            return kept
         state = _state(source, config_path) if source else None
         if source is None or state is None:
             return self._load(config_path)
@@ -127,6 +142,14 @@ class RememberingRepository(ConfigRepository):
         other = RememberingRepository.__new__(RememberingRepository)
         vars(other).update({**vars(self), "sources": list(self.sources)})
         return other
+
+
+def _is_own(source: ConfigSource, config_path: str) -> bool:
+    """Tell whether the state of the program alone decides the content of something."""
+    if isinstance(source, PluginSource):
+        group, name = group_and_name(config_path)
+        return name in registry.BUILT_IN.get(group, {})
+    return source.scheme() == "file" and Path(source.path) == conf_dir()
 
 
 def _state(source: ConfigSource, config_path: str) -> tuple[object, ...] | None:

@@ -332,8 +332,8 @@ def _streamed_fields(run: Run) -> None:
         for k, v in run.tree.items()
         if k.startswith("image/")
     }
-    tree = run.tree | images
     with e.stream.at_work() as work:
+        tree = velocity_field.streaming.tell_rest(run.tree | images, e.laser, e.volume, work)
         small = velocity_field.streaming.compress(tree, work)
         seen = tree | small.images
         visibility = velocity_field.estimate.volume_visibility(seen, e.laser, e.volume)

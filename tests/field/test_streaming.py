@@ -296,7 +296,6 @@ def test_replayed_session(sldvexp: Callable[..., Any]) -> None:
         "volume.shape=[5,4]",
         *("reconstruction=samplewise", "~compare.samplewise", "~check.truth", "~check.samplewise"),
         *("~expect.truth", "~expect.resonances", "~expect.all_lines"),
-        "volume.sight.background=true",  # what rests is told of few combinations of the lines
         "report=none",
     ]
     whole = sldvexp(*called)

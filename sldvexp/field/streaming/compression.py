@@ -18,7 +18,7 @@ from sldvexp.dataset import views_without_pose
 from sldvexp.errors import UserError
 from sldvexp.field.equations.assembly import real_columns
 from sldvexp.field.streaming.dask import Work
-from sldvexp.field.visibility.view import require_same
+from sldvexp.field.visibility.view import RESTS, require_same
 from sldvexp.lazy import scipy
 from sldvexp.lazy import xarray as xr
 from sldvexp.typing import Array, BoolArray
@@ -209,7 +209,7 @@ def compress(tree: Mapping[str, xr.Dataset], work: Work) -> Compressed:
     UserError
         If there are no images, they have no frequencies, or views differ in them.
     """
-    images = _images(tree)
+    images = streamed_images(tree)
     require_same({k.removeprefix("image/"): v for k, v in images.items()})
     if not images or any("frequency" not in v["velocity"].dims for v in images.values()):
         raise UserError("stream: there are no images with several frequencies; leave stream out")
@@ -226,7 +226,7 @@ def compress(tree: Mapping[str, xr.Dataset], work: Work) -> Compressed:
     return Compressed(reduced, modes, np.array(factor), frequency)
 
 
-def _images(tree: Mapping[str, xr.Dataset]) -> dict[str, xr.Dataset]:
+def streamed_images(tree: Mapping[str, xr.Dataset]) -> dict[str, xr.Dataset]:
     """Collect the images of the views that a field is made of, in the order of the poses."""
     lost = views_without_pose(tree)
     names = [str(v) for v in tree["pose"]["view"].values]
@@ -242,7 +242,7 @@ def slices(array: xr.DataArray, dim: str) -> Iterator[slice]:
         start += size
 
 
-def _pieces(image: xr.Dataset) -> Iterator[slice]:
+def pieces(image: xr.Dataset) -> Iterator[slice]:
     """Go through pixels that are looked at together: a chunk."""
     return slices(image["velocity"], "pixel")
 
@@ -255,7 +255,7 @@ def _sums(image: xr.Dataset, work: Work) -> _Sums:
     """Add up an image's sums, chunk by chunk of its pixels."""
     velocity, std, usable = image["velocity"].data, image["velocity_std"].data, _usable(image)
     found: list[_Sums] = []
-    for each in work.map(_sums_of, ((velocity[p], std[p], usable[p]) for p in _pieces(image))):
+    for each in work.map(_sums_of, ((velocity[p], std[p], usable[p]) for p in pieces(image))):
         if found:  # of each chunk but the pixels' own only the sums are kept
             each.gram += found[-1].gram
             each.by_frequency = each.by_frequency + found[-1].by_frequency
@@ -284,14 +284,15 @@ def _reduced(image: xr.Dataset, sums: _Sums, modes: FrequencyModes, work: Work) 
     """Reduce an image to the modes; NaN where a velocity is not known."""
     velocity, usable = image["velocity"].data, _usable(image) & sums.known
     shared = work.share(modes)
-    tasks = ((shared, velocity[p], usable[p]) for p in _pieces(image))
+    tasks = ((shared, velocity[p], usable[p]) for p in pieces(image))
     values = np.concatenate(list(work.map(_of_modes, tasks)))
     values[~sums.known] = np.nan
     small: dict[str, Any] = {
         "velocity": (("pixel", "frequency"), values, image["velocity"].attrs),
         "velocity_std": ("pixel", np.sqrt(sums.square), image["velocity_std"].attrs),
     }
-    kept = image[["dac", "flags"]].drop_vars("frequency", errors="ignore")
+    told = [name for name in ("dac", "flags", *RESTS) if name in image]
+    kept = image[told].drop_vars("frequency", errors="ignore")
     return kept.assign(small).assign_coords(frequency=np.arange(values.shape[1], dtype=float))
 
 

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from sldvexp.dataset import views_without_pose
 from sldvexp.errors import ConfigError, UserError, nearest
+from sldvexp.field.visibility.rest import RestSums
 from sldvexp.geometry import rotation_from_vector
 from sldvexp.laser import MIRRORS, Mirror, TwoMirror
 from sldvexp.lazy import xarray as xr
@@ -29,6 +30,8 @@ ORTHOGONAL = 1e-9
 #: Frequencies of two views are the same if they differ by less, relatively.
 SAME_FREQUENCY = 1e-12
 VELOCITY_UNIT = "m/s"
+#: Variables of an image that tell of pixels at rest, where its lines are combined.
+RESTS = ("rest_size", "breaks_off")
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,6 +60,8 @@ class View:
         Values of `INTRINSICS` that the pose was solved with, where they are not those configured.
     pointing_std : float, DAC steps
         Pointing noise of the mirrors that the pose was found with; 0 where none was found.
+    rest : RestSums, optional
+        Of all lines, where the velocities are few combinations of them.
 
     Raises
     ------
@@ -76,6 +81,7 @@ class View:
     shape: tuple[int, int] | None = None
     intrinsics: Array | None = None
     pointing_std: float = 0.0
+    rest: RestSums | None = None
 
     def __post_init__(self) -> None:
         self._check_pose()
@@ -318,7 +324,16 @@ def _view(name: str, pose: xr.Dataset, image: xr.Dataset, nominal: Array) -> Vie
         None if shape is None else (int(shape[0]), int(shape[1])),
         _intrinsics(pose, nominal),
         float(np.nan_to_num(pose["pointing_std"])) if "pointing_std" in pose else 0.0,
+        _rest(image),
     )
+
+
+def _rest(image: xr.Dataset) -> RestSums | None:
+    """Read what all lines tell of pixels at rest, where they are combined."""
+    if "rest_size" not in image:
+        return None
+    size = image["rest_size"]
+    return RestSums(size.values, float(size.attrs["limit"]), image["breaks_off"].values)
 
 
 def _intrinsics(pose: xr.Dataset, nominal: Array) -> Array | None:
