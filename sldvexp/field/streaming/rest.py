@@ -52,7 +52,8 @@ def tell_rest(
         rests = np.asarray(view.flags) & ~told[name]["flags"].values
         flags = tree[name]["flags"]
         of_lines = {n: told[name][n] for n in RESTS}
-        found[name] = tree[name].assign(flags=flags.copy(data=flags.values | rests), **of_lines)
+        changed = {"flags": flags.copy(data=flags.values | rests), **of_lines}
+        found[name] = tree[name].assign(changed)
     return found
 
 
