@@ -41,8 +41,8 @@ def test_every_public_function_is_in_the_page_of_functions():
 
 def test_every_public_function_is_told_of_also_without_the_extras():
     extras = (
-        "cholespy cv2 dask distributed meshio numba skfem sdypy starlette uvicorn websockets joblib "
-        "ray"
+        "cholespy cv2 dask distributed meshio numba skfem sdypy starlette uvicorn websockets "
+        "joblib ray"
     )
     script = f"""
 import sys
