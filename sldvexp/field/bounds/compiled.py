@@ -38,6 +38,7 @@ class CompiledKernels:
     influences: Callable[..., Any]
     coupled_noise: Callable[..., Any]
     scalar_noise: Callable[..., Any]
+    pose_sums: Callable[..., Any]
 
     def influences_by_layers(
         self, patch: Patch, estimators: Sequence[Array], weights: scipy.sparse.csr_array

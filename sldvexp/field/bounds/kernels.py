@@ -251,3 +251,94 @@ def scalar_noise(
         for here in range(used):
             place[pixel[here]] = -1
     return nodal, fitted
+
+
+def pose_sums(
+    where: tuple[IndexArray, Array, int, int],
+    mirrors: tuple[Array, float],
+    point: Array,
+    by_step: Array,
+    slope: Array,
+    velocity: Array,
+    estimator: Array,
+    axes: Array,
+    balance: Array,
+) -> Array:
+    """Sum ``B_s^T (T_s (dv - dx . u) + dx (Q r)_k)`` over samples, of one view and its pose.
+
+    Derivatives are as in `sldvexp.field.visibility.pose_slopes`, whose names this has.
+
+    Parameters
+    ----------
+    where : tuple
+        Corners of the triangles, basis functions of a prism, gaps and nodes.
+    mirrors : tuple of ndarray and float
+        The matrix R, and the mirror offset, m.
+    point, by_step : ndarray, shape (sample, 3), m, and (sample, mirror), rad/step
+        In the laser frame; the latter NaN where there is no image point.
+    slope, velocity : ndarray, shape (mirror, sample, mode) and (sample, 3, mode)
+        Of the image by the steps, and u in world axes.
+    estimator : ndarray, shape (sample, parameter)
+    axes, balance : ndarray, shape (1 or sample, some parameters, 3) and (sample, mode)
+        From dD to dx, and ``(Q r)_k``; the latter of no sample where nothing is left.
+
+    Returns
+    -------
+    ndarray, shape (layer, node, parameter * 6 * mode)
+    """
+    (corner, shape, gaps, nodes), (r, offset) = where, mirrors
+    (samples, parameters), modes, points = estimator.shape, slope.shape[2], len(shape)
+    found = np.zeros((gaps + 1, nodes, parameters * 6 * modes))
+    change, value = np.empty(6), np.empty((parameters, 6, modes))
+    flat = value.reshape(parameters * 6 * modes)
+    e, n, c, g, turned = np.empty((2, 3)), np.empty((2, 3)), np.empty(3), np.empty(3), np.empty(3)
+    for s in range(samples):
+        if np.isnan(by_step[s, 0]):
+            continue
+        p, gap, triangle = point[s], s // (len(corner) * points), s // points % len(corner)
+        radius = np.sqrt(p[1] ** 2 + p[2] ** 2)
+        reach = np.sqrt(p[0] ** 2 + (radius + offset) ** 2)
+        up, across = (p[1] / radius, p[2] / radius), (p[0] / reach, (radius + offset) / reach)
+        d = (across[0], across[1] * up[0], across[1] * up[1])
+        e[0, 0], e[0, 1], e[0, 2] = 0.0, up[1], -up[0]
+        e[1, 0], e[1, 1], e[1, 2] = across[1], -across[0] * up[0], -across[0] * up[1]
+        for i in range(3):
+            n[0, i], n[1, i] = e[0, i] * across[1], e[1, i]
+            e[0, i], e[1, i] = e[0, i] / radius, e[1, i] / reach  # now A
+        for m in range(modes):
+            f0, f1 = slope[0, s, m] / by_step[s, 0], slope[1, s, m] / by_step[s, 1]
+            for i in range(3):
+                u = velocity[s, :, m]
+                c[i] = r[i, 0] * u[0] + r[i, 1] * u[1] + r[i, 2] * u[2]
+                f0, f1 = f0 + n[0, i] * c[i], f1 + n[1, i] * c[i]
+            for i in range(3):
+                g[i] = e[0, i] * f0 + e[1, i] * f1
+            for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+                change[i] = p[j] * g[k] - p[k] * g[j] - d[j] * c[k] + d[k] * c[j]
+                change[3 + i] = -(r[0, i] * g[0] + r[1, i] * g[1] + r[2, i] * g[2])
+            for a in range(parameters):
+                for x in range(6):
+                    value[a, x, m] = estimator[s, a] * change[x]
+        for x in range(6 if len(balance) else 0):
+            i, j, k = x % 3, (x + 1) % 3, (x + 2) % 3
+            if x < 3:  # the mirrors' angles by w, and by t
+                f0, f1 = p[j] * e[0, k] - p[k] * e[0, j], p[j] * e[1, k] - p[k] * e[1, j]
+            else:
+                f0 = -(r[0, i] * e[0, 0] + r[1, i] * e[0, 1] + r[2, i] * e[0, 2])
+                f1 = -(r[0, i] * e[1, 0] + r[1, i] * e[1, 1] + r[2, i] * e[1, 2])
+            for b in range(3):
+                turned[b] = n[0, b] * f0 + n[1, b] * f1
+            if x < 3:
+                turned[j], turned[k] = turned[j] + d[k], turned[k] - d[j]
+            for b in range(3):
+                g[b] = -(r[0, b] * turned[0] + r[1, b] * turned[1] + r[2, b] * turned[2])
+            for a in range(axes.shape[1]):
+                w = axes[s if len(axes) > 1 else 0, a]
+                dx = w[0] * g[0] + w[1] * g[1] + w[2] * g[2]
+                for m in range(modes):
+                    value[a, x, m] += dx * balance[s, m]
+        for b in range(6):
+            node, weight = corner[triangle, b % 3], shape[s % points, b]
+            for x in range(len(flat)):
+                found[gap + b // 3, node, x] += weight * flat[x]
+    return found

@@ -19,10 +19,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sldvexp.errors import UserError
+from sldvexp.field.bounds.compiled import CompiledKernels, kernels_for
 from sldvexp.field.equations.regions import RegionSamples
 from sldvexp.field.streaming.compression import FrequencyModes
 from sldvexp.field.visibility.pose_slopes import PoseSlopes
-from sldvexp.field.visibility.projection import ViewSamples
+from sldvexp.field.visibility.projection import ViewSamples, angle_slope, to_laser
 from sldvexp.field.visibility.view import View
 from sldvexp.lazy import xarray as xr
 from sldvexp.pose import EXTRINSICS, INTRINSICS, cross_covariance, label, places
@@ -108,8 +109,9 @@ class PoseEffect:
 
         def blocks(view: View, of_view: ViewSamples, data: Array) -> Blocks:
             slope = np.swapaxes(of_view.slopes(data), 1, 2).copy()
-            for first in range(0, len(u), SAMPLES_AT_ONCE):
-                here = slice(first, first + SAMPLES_AT_ONCE)
+            of_gap = len(u) // part.patch.sample_shape[0]
+            for first, last in _ends(part.patch.sample_shape[0], of_gap):
+                here = slice(first, last)
                 points, dac = samples.position[here], of_view.dac[here]
                 slopes = PoseSlopes.from_points(view, laser, points, dac)
                 yield here, slopes, slopes.change(slope[..., here], world[..., here])
@@ -117,6 +119,32 @@ class PoseEffect:
         for k, each in enumerate(views):
             if part.at.pointwise.weight.have(k):
                 yield k, blocks(*each)
+
+    def _compiled(
+        self, kernels: CompiledKernels, part: RegionSamples, u: Array, balance: Array
+    ) -> Iterator[tuple[int, Array]]:
+        """Sum right-hand sides of every view at the nodes, (layer, patch_node, parameter, ...)."""
+        samples, laser, patch = part.samples, part.visibility.laser, part.patch
+        world = np.swapaxes(samples.frame, 1, 2) @ u[:, :3] if part.model.local else u[:, :3]
+        where = patch.corner, np.ascontiguousarray(patch.shape), patch.layers - 1, len(patch.nodes)
+        axes = _axes(part) if len(balance) else np.eye(3)[None]
+        for k, (view, seen) in enumerate(zip(part.visibility.views, samples.by_view, strict=True)):
+            if not part.at.pointwise.weight.have(k):
+                continue
+            own, known = view.laser(laser), np.isfinite(seen.dac[:, :1] + seen.dac[:, 1:])
+            by_step = angle_slope(own, np.where(known, seen.dac, 0.0))
+            sums = kernels.pose_sums(
+                where,
+                (view.rotation, float(own.mirror_offset)),
+                np.ascontiguousarray(to_laser(view, samples.position)),
+                np.where(known, by_step, np.nan),
+                seen.slopes(self.data[k]),
+                np.ascontiguousarray(world),
+                np.ascontiguousarray(part.at.estimator[:, :, k]),
+                axes,
+                np.ascontiguousarray(balance[:, k]),
+            )
+            yield k, sums.reshape(*sums.shape[:2], part.model.parameters, -1)
 
     def right_sides(self, part: RegionSamples) -> Array:
         """Set up right-hand sides of the derivatives by all poses, ``M dtheta = ...``.
@@ -137,22 +165,46 @@ class PoseEffect:
         u = part.field(self.theta) if at.inverse is None else at.solution @ v
         found = np.zeros((*shape, views, POSE * data[0].shape[1]))
         nothing_left = at.inverse is not None and len(part.model.rows) == parameters
+        balance = np.zeros((0, views, 0))
         if not nothing_left:
             balance = at.pointwise.weight.times(v - at.pointwise.design @ u)
+        if (kernels := kernels_for(part.visibility)) is not None:
+            for k, sums in self._compiled(kernels, part, u, balance):
+                found[:, :, :, k] = sums
+            return found.reshape(*shape, -1)
         columns = found.shape[-1]
-        side = np.empty((parameters, columns, count))
+        of_gap = count // part.patch.sample_shape[0]
+        side = np.empty((parameters, columns, of_gap))
         for k, blocks in self._by_view(part, u):
-            estimator = np.ascontiguousarray(at.estimator[:, :, k].T)
             for here, slopes, change in blocks:
+                gap, first = divmod(here.start, of_gap)
+                some = slice(first, first + here.stop - here.start)
                 of_samples = change.reshape(columns, -1)
-                np.multiply(estimator[:, None, here], of_samples, out=side[..., here])
+                estimator = np.ascontiguousarray(at.estimator[here, :, k].T)
+                np.multiply(estimator[:, None], of_samples, out=side[..., some])
                 if not nothing_left:
                     turn = _turn(part, here, slopes)
                     added = turn[:, :, None] * np.ascontiguousarray(balance[here, k].T)
-                    side[: len(turn), :, here] += added.reshape(len(turn), columns, -1)
-            sums = part.patch.components_to_nodes(side.reshape(-1, count))
-            found[:, :, :, k] = sums.reshape(*shape, -1)
+                    side[: len(turn), :, some] += added.reshape(len(turn), columns, -1)
+                if some.stop == of_gap:
+                    sums = part.patch.gap_to_nodes(side.reshape(-1, of_gap))
+                    found[gap : gap + 2, :, :, k] += sums.reshape(2, *shape[1:], columns)
         return found.reshape(*shape, -1)
+
+
+def _axes(part: RegionSamples) -> Array:
+    """Find the matrices that `_turn` multiplies by; one alone where all samples have it."""
+    axes = part.samples.frame if part.model.local else np.eye(3)[None]
+    if part.at.inverse is None:
+        return axes
+    return np.ascontiguousarray(part.at.information * part.at.inverse[:, :, :3] @ axes)
+
+
+def _ends(gaps: int, samples: int) -> Iterator[tuple[int, int]]:
+    """Go through so many samples in each gap, some at a time, and never those of two gaps."""
+    for start in range(0, gaps * samples, samples):
+        for first in range(start, start + samples, SAMPLES_AT_ONCE):
+            yield first, min(first + SAMPLES_AT_ONCE, start + samples)
 
 
 def _turn(part: RegionSamples, here: slice, slopes: PoseSlopes) -> Array:

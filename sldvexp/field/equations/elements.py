@@ -125,20 +125,16 @@ class Patch:
         flat = sums.reshape(self.layers, triangles * 3, columns)
         return np.stack([self.gather @ layer for layer in flat])
 
-    def components_to_nodes(self, samples: Array) -> Array:
-        """Sum as `to_nodes` does what has the samples last, from (m, sample) to (layer, node, m).
+    def gap_to_nodes(self, samples: Array) -> Array:
+        """Sum as `to_nodes` does over a gap's samples, which are last: (m, sample) to (2, node, m).
 
-        That is one product with the few basis functions instead of one in every prism.
+        The gap's lower and upper layer get a part each. One product with the few basis functions
+        serves all prisms, and what is in between stays in the cache.
         """
-        gaps, triangles, points = self.sample_shape
-        count = len(samples)
-        each = (samples.reshape(-1, points) @ self.shape).reshape(count, gaps, triangles, 2, 3)
-        found = np.zeros((self.layers, len(self.nodes), count))
-        for gap in range(gaps):
-            corners = np.ascontiguousarray(each[:, gap].transpose(2, 1, 3, 0))
-            for side, of_corners in enumerate(corners.reshape(2, triangles * 3, count)):
-                found[gap + side] += self.gather @ of_corners
-        return found
+        triangles, points = self.sample_shape[1:]
+        each = (samples.reshape(-1, points) @ self.shape).reshape(-1, triangles, 2, 3)
+        corners = np.ascontiguousarray(each.transpose(2, 1, 3, 0))
+        return np.stack([self.gather @ c for c in corners.reshape(2, triangles * 3, -1)])
 
     @cached_property
     def gather(self) -> scipy.sparse.csr_array:
