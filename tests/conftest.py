@@ -30,6 +30,7 @@ from hydra.core.config_search_path import ConfigSearchPath
 
 from sldvexp import dataset, writing
 from sldvexp.cli import command, commands, main
+from sldvexp.config import sources
 from sldvexp.config.cached_loader import RememberingLoader
 from sldvexp.config.kept import _is_own
 from sldvexp.config.paths import conf_dir
@@ -176,6 +177,7 @@ def _remembered() -> Iterator[None]:
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(RememberingLoader, "__init__", with_memory)
+        patch.setattr(sources, "NamingLoader", RememberingLoader)
         yield
 
 

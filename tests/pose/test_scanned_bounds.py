@@ -8,10 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
-from hydra import compose, initialize_config_dir
 
-from sldvexp.config import hydra_plugin, schema
-from sldvexp.config.paths import conf_dir
 from sldvexp.geometry import vector_from_rotation
 from sldvexp.pose import half_width
 from sldvexp.pose.bitangent import Bitangent
@@ -20,6 +17,7 @@ from sldvexp.session import Camera
 from sldvexp.session.circles import edges_to_dataset, scan_circles
 from sldvexp.session.search import RoughCircle
 from sldvexp.virtual_lab import VirtualLab
+from tests import composing
 
 SMALL = ["scan.sampling.samples=64", "scan.coarse.pixels=180"]
 METHODS = [Bitangent(), Bitangent(pinhole=False), Edge()]
@@ -45,13 +43,9 @@ class Scans:
     """
 
     def __init__(self, count, overrides=(), pointing=0.0):
-        hydra_plugin.install()
-        with initialize_config_dir(str(conf_dir()), version_base="1.3"):
-            ideal = ["experiment=dissertation/automated_pose", "scene.pointing=ideal"]
-            jitter = f"scene.mirrors.jitter={pointing * STEP}"
-            self.experiment = schema.build(
-                compose("config", overrides=[*ideal, jitter, *overrides])
-            )
+        ideal = ["experiment=dissertation/automated_pose", "scene.pointing=ideal"]
+        jitter = f"scene.mirrors.jitter={pointing * STEP}"
+        self.experiment = composing.experiment(*ideal, jitter, *overrides)
         self.groups = [self._scan(seed) for seed in range(count)]
 
     def _scan(self, seed):

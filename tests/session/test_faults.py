@@ -14,13 +14,13 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from hydra import compose, initialize_config_dir
 
-from sldvexp.config import hydra_plugin, schema
+from sldvexp.config import hydra_plugin
 from sldvexp.geometry import vector_from_rotation
 from sldvexp.instrument import dialogue
 from sldvexp.testing import faults as f
 from sldvexp.virtual_lab import LabServer, VirtualLab
+from tests import composing
 
 CONF = Path(__file__).parents[2] / "conf"
 hydra_plugin.install()
@@ -230,8 +230,7 @@ TABLE = [
 @functools.cache
 def experiment(*settings):
     """What a configuration is made of."""
-    with initialize_config_dir(str(CONF), version_base="1.3"):
-        return schema.build(compose("config", overrides=[*SMALL, *settings]))
+    return composing.experiment(*SMALL, *settings)
 
 
 def laboratory(*settings):
