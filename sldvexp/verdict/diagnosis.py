@@ -121,6 +121,7 @@ def _of_view(bench: Bench, k: int, others: JointFit) -> Iterator[Tried]:
     squares, numbers = _own_scalar(bench, k, others)
     count = others.count + int(others.designs[k].present.sum())
     yield Tried(Explanation((k,), "other_field", others.squares + squares), numbers, count)
+    yield _offset(bench, k, others)
     velocity = bench.data[k].velocity
     yield from _factors(bench, k, others, np.conj(velocity), CONJUGATES)
     yield from _factors(bench, k, others, velocity, NAMED)
@@ -252,6 +253,15 @@ def _own_scalar(bench: Bench, k: int, others: JointFit) -> tuple[float, int]:
     normal += (1e-9 * np.trace(normal) / len(normal) or 1.0) * np.eye(len(normal))
     left = values - basis @ scipy.linalg.solve(normal, basis.T @ values, assume_a="pos")
     return float(np.vdot(left, left)), len(normal) * values.shape[1]
+
+
+def _offset(bench: Bench, k: int, others: JointFit) -> Tried:
+    """Fit with a velocity of one view's own that is the same at all its pixels."""
+    fit = JointFit(bench.data, others.designs, bench.prior, others.standard)
+    weight = others.designs[k].weight
+    columns = weight[:, None, None] * np.eye(fit.channels)
+    squares = fit.squares - fit.score(k, columns).statistic
+    return Tried(Explanation((k,), "offset", squares), fit.channels + 1.0, fit.count)
 
 
 def _exchanges(bench: Bench) -> Iterator[Tried]:

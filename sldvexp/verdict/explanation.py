@@ -82,8 +82,8 @@ class Explanation:
         That are wrong; none for a clean session.
     kind : str
         ``clean``, ``sign``, ``conjugate``, ``rms``, ``inverse_rms``, ``gain``, ``phase``,
-        ``factor``, ``pose``, ``direction``, ``other_field``, ``other_values``, ``own_noise`` or
-        ``exchanged``.
+        ``factor``, ``pose``, ``direction``, ``other_field``, ``other_values``, ``own_noise``,
+        ``offset`` or ``exchanged``.
     criterion : float
         The smaller, the better.
     factor : complex

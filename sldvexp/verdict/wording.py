@@ -341,6 +341,11 @@ def sentence(names: Sequence[str], of: Explanation) -> str:
         case "direction":
             told = "looks from another direction than is stated: is the sign of an angle wrong?"
             return f"{view} {told}"
+        case "offset":
+            return (
+                f"{view} has a velocity of its own, the same at all pixels, beside what the others "
+                "predict: does the instrument itself vibrate, or is there crosstalk?"
+            )
         case "own_noise" if of.noise < 1:
             return (
                 f"{view} lies only {of.noise:.2g} times its stated noise off what the others "

@@ -205,3 +205,11 @@ def test_noise_of_one_view_does_not_hide_what_is_wrong_with_another(times):
     found = {f.kind: f for f in examined(views).findings}
     assert found["gain"].subject == "view v2"
     assert found["gain"].severity is Severity.void
+
+
+@pytest.mark.parametrize("times", [3.0, pytest.param(50.0, marks=pytest.mark.whole)])
+def test_instrument_that_vibrates_itself_is_named(times):
+    views = changed(lambda v: replace(v, velocity=v.velocity + times * (1 - 0.7j) * v.std[0]), 2)
+    found = examined(views).findings[0]
+    assert (found.kind, found.subject) == ("offset", "view v3")
+    assert found.severity is Severity.void
