@@ -91,6 +91,15 @@ class Bench:
         errors = np.zeros(len(self.prior))
         return self.again(JointFit(self.data, self.designs(errors), self.prior, views=others))
 
+    def with_noise(self, k: int, times: float) -> Bench:
+        """Take the noise of a view as so many times the stated one."""
+        data = list(self.data)
+        of = data[k]
+        data[k] = replace(
+            of, velocity=of.velocity / times, weight=of.weight / times, std=of.std * times
+        )
+        return replace(self, data=data)
+
     def again(self, fit: JointFit) -> JointFit:
         """Fit once more with the designs at the poses that a fit has found.
 

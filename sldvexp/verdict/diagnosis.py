@@ -6,7 +6,8 @@ view's factor c is found from the field of the others: its velocities are turned
 its *design* is scaled by ``|c|`` (scaling the velocities would scale their noise), then steps of
 the score. From the quadratic form about c follow the fits with a sign, with r.m.s. instead of peak,
 with a gain or a phase alone. A pose is freed by a prior so wide that it does not bind. Another
-field, or another frequency, is a view that is left out for a smooth scalar of its own.
+field, or another frequency, is a view that is left out for a smooth scalar of its own. A view that
+is off in no pattern has a noise of its own, or pixels that are not where they are said to be.
 """
 
 from __future__ import annotations
@@ -31,6 +32,8 @@ FREE = np.repeat([0.02, 0.02], 3)
 #: Numbers of a pose that are freed when its origin is believed.
 ROTATION = np.arange(3)
 STEPS = 3
+#: Least noise of a view, over the one that it states, that is told from none.
+LEAST_NOISE = 0.1
 #: Misfit after an exchange, over that of the other views, above which it explains nothing.
 EXCHANGED = 4.0
 
@@ -44,17 +47,48 @@ def diagnose(bench: Bench, fit: JointFit) -> list[Explanation]:
         Of all views, relinearised.
     """
     found = [Tried(Explanation((), "clean", fit.squares), 0.0, fit.count)]
-    for k in range(len(bench.data)):
-        found += _of_view(bench, k)
+    others = [bench.without(k) for k in range(len(bench.data))]
+    for k, left in enumerate(others):
+        found += _of_view(bench, k, left)
     best = min(found, key=lambda t: t.explanation.criterion / t.pixels)
-    left = best.explanation.criterion / (best.pixels * fit.dof / fit.count)
-    if best.explanation.kind in ("pose", "other_field") or left > UNEXPLAINED:
+    left_over = best.explanation.criterion / (best.pixels * fit.dof / fit.count)
+    if best.explanation.kind in ("pose", "other_field") or left_over > UNEXPLAINED:
         found += _exchanges(bench)
     # No kind that fits leaves more than the noise, whatever noise was stated.
     scale = min(t.explanation.criterion / t.pixels for t in found) * fit.count / fit.dof
     ranked = [t.ranked(bench, fit.channels, max(1.0, scale)) for t in found]
     misfit = scale if bench.stated else 1.0
-    return sorted((replace(h, misfit=misfit) for h in ranked), key=lambda h: h.criterion)
+    ranked = [replace(h, misfit=misfit) for h in ranked]
+    least = min(h.criterion for h in ranked)
+    for k, left in enumerate(others):
+        ranked += _own_noise(k, fit, left, scale, least)
+    return sorted(ranked, key=lambda h: h.criterion)
+
+
+def _own_noise(
+    k: int, fit: JointFit, others: JointFit, scale: float, least: float
+) -> Iterator[Explanation]:
+    """Yield a noise of its own of one view, which no other kind of mistake leaves.
+
+    By ``-2 log L``: the n numbers of a view have the variance v_k and all N - n others v, in place
+    of one variance of all, which is what the best other kind leaves.
+
+    Parameters
+    ----------
+    fit, others : JointFit
+        Of all views, and without this one.
+    scale, least : float
+        That variance, and the criterion of that kind.
+    """
+    freedom = fit.dof - others.dof
+    if freedom <= 0 or others.dof <= 0 or others.squares <= 0:
+        return
+    even = others.squares / others.dof
+    # Both fits have designs of their own: what is less than this is lost in the difference.
+    ratio = max((fit.squares - others.squares) / freedom / even, LEAST_NOISE**2)
+    gained = fit.dof * np.log(scale / even) - freedom * np.log(ratio)
+    criterion = float(least - gained + np.log(fit.dof))
+    yield Explanation((k,), "own_noise", criterion, noise=float(np.sqrt(ratio)), misfit=even)
 
 
 class Tried(NamedTuple):
@@ -80,14 +114,14 @@ class Tried(NamedTuple):
         return replace(self.explanation, criterion=float(squares + penalty))
 
 
-def _of_view(bench: Bench, k: int) -> Iterator[Tried]:
-    """Yield all kinds of mistakes of one view."""
-    others = bench.without(k)
+def _of_view(bench: Bench, k: int, others: JointFit) -> Iterator[Tried]:
+    """Yield all kinds of mistakes of one view, with the fit of the others."""
     yield _free_pose(bench, k, others, ROTATION)
     yield _free_pose(bench, k, others, np.arange(POSE))
     squares, numbers = _own_scalar(bench, k, others)
     count = others.count + int(others.designs[k].present.sum())
     yield Tried(Explanation((k,), "other_field", others.squares + squares), numbers, count)
+    yield _offset(bench, k, others)
     velocity = bench.data[k].velocity
     yield from _factors(bench, k, others, np.conj(velocity), CONJUGATES)
     yield from _factors(bench, k, others, velocity, NAMED)
@@ -219,6 +253,15 @@ def _own_scalar(bench: Bench, k: int, others: JointFit) -> tuple[float, int]:
     normal += (1e-9 * np.trace(normal) / len(normal) or 1.0) * np.eye(len(normal))
     left = values - basis @ scipy.linalg.solve(normal, basis.T @ values, assume_a="pos")
     return float(np.vdot(left, left)), len(normal) * values.shape[1]
+
+
+def _offset(bench: Bench, k: int, others: JointFit) -> Tried:
+    """Fit with a velocity of one view's own that is the same at all its pixels."""
+    fit = JointFit(bench.data, others.designs, bench.prior, others.standard)
+    weight = others.designs[k].weight
+    columns = weight[:, None, None] * np.eye(fit.channels)
+    squares = fit.squares - fit.score(k, columns).statistic
+    return Tried(Explanation((k,), "offset", squares), fit.channels + 1.0, fit.count)
 
 
 def _exchanges(bench: Bench) -> Iterator[Tried]:

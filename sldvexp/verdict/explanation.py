@@ -82,7 +82,8 @@ class Explanation:
         That are wrong; none for a clean session.
     kind : str
         ``clean``, ``sign``, ``conjugate``, ``rms``, ``inverse_rms``, ``gain``, ``phase``,
-        ``factor``, ``pose``, ``direction``, ``other_field``, ``other_values`` or ``exchanged``.
+        ``factor``, ``pose``, ``direction``, ``other_field``, ``other_values``, ``own_noise``,
+        ``offset`` or ``exchanged``.
     criterion : float
         The smaller, the better.
     factor : complex
@@ -99,6 +100,8 @@ class Explanation:
         Squares that it leaves over those of the noise.
     places : tuple of str
         Points and frequencies at which alone the view has ``other_values``.
+    noise : float
+        Of ``own_noise``: the noise that the view has over the one that it states, as of the others.
     """
 
     view: tuple[int, ...]
@@ -111,6 +114,7 @@ class Explanation:
     covariance: Array | None = None
     misfit: float = np.nan
     places: tuple[str, ...] = ()
+    noise: float = np.nan
 
     @property
     def explains(self) -> bool:

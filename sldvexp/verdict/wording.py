@@ -27,6 +27,8 @@ SEEN = 3.0
 #: Kinds that void the bounds, however sure.
 OF_SCALE = "sign", "conjugate", "conjugate_sign", "rms", "inverse_rms"
 GROSS = *OF_SCALE, "other_field", "exchanged", "other_values"
+#: Noise of one view, over the stated one, above which it is no noise that could be believed.
+GROSS_NOISE = 2.0
 #: Kinds that any of four views explains as well.
 OF_ANY = ("other_field", "other_values", "pose")
 
@@ -216,13 +218,13 @@ def disagreement(
             if of_points
             else "the field is finer than the test can follow"
         )
-    gross = best.kind in GROSS or tests.least < SURE
+    severity = _severity(best, tests)
     test, at = tests.strongest
     finding = Finding(
         best.kind,
         which,
         told,
-        Severity.void if gross else Severity.doubtful,
+        severity,
         float(tests.statistic[test][at]),
         tests.least,
         _size(best),
@@ -230,6 +232,16 @@ def disagreement(
         views=accused,
     )
     return finding, repairs
+
+
+def _severity(best: Explanation, tests: ViewTests) -> Severity:
+    """Weigh a mistake of a view."""
+    if best.kind == "own_noise" and best.noise < 1 and best.explains:
+        return Severity.note  # bounds are too wide
+    if best.kind == "own_noise" and best.noise < GROSS_NOISE:
+        return Severity.doubtful
+    gross = best.kind in GROSS or tests.least < SURE
+    return Severity.void if gross else Severity.doubtful
 
 
 def unexplained(names: Sequence[str], tests: ViewTests, of_points: bool = False) -> Finding:
@@ -329,6 +341,22 @@ def sentence(names: Sequence[str], of: Explanation) -> str:
         case "direction":
             told = "looks from another direction than is stated: is the sign of an angle wrong?"
             return f"{view} {told}"
+        case "offset":
+            return (
+                f"{view} has a velocity of its own, the same at all pixels, beside what the others "
+                "predict: does the instrument itself vibrate, or is there crosstalk?"
+            )
+        case "own_noise" if of.noise < 1:
+            return (
+                f"{view} lies only {of.noise:.2g} times its stated noise off what the others "
+                "predict: is the noise of its pixels stated too large?"
+            )
+        case "own_noise":
+            return (
+                f"{view} lies {of.noise:.2g} times its stated noise off what the others predict, "
+                "in no pattern: is its noise larger, are its pixels or lines in another order, or "
+                "are its largest values cut off?"
+            )
         case "other_values":
             return (
                 f"{view} has other values than the others predict at {_listed(of.places)} alone: "
@@ -391,9 +419,14 @@ def _views(names: Sequence[str], of: Sequence[int]) -> str:
 
 
 def _size(of: Explanation) -> float:
-    """Give the size of a mistake: of a factor the distance from one, of a pose the turn, rad."""
+    """Give the size of a mistake: of a factor the distance from one, of a pose the turn, rad.
+
+    Of a noise its ratio to the stated one.
+    """
     if of.kind == "pose":
         return float(np.linalg.norm(of.pose[:3]))
+    if of.kind == "own_noise":
+        return of.noise
     return float(abs(of.factor - 1))
 
 

@@ -153,3 +153,63 @@ def test_file_that_was_read_twice_is_named_of_three_views_too(count):
     assert found["repeated"].severity is Severity.void
     repaired = examined(views, use_repair=["view_v3.left_out"]) if count > LEAST_VIEWS else None
     assert repaired is None or "repeated" not in {f.kind for f in repaired.findings}
+
+
+def noisier(times: float) -> Callable[[View], View]:
+    """Give a view noise that it does not state, or state noise that it does not have."""
+
+    def change(view: View) -> View:
+        if times < 1:
+            return replace(view, std=view.std / times)
+        rng = np.random.default_rng(5)
+        more = np.sqrt(times**2 - 1) * view.std[:, None]
+        drawn = rng.normal(size=view.velocity.shape) + 1j * rng.normal(size=view.velocity.shape)
+        return replace(view, velocity=view.velocity + more * drawn)
+
+    return change
+
+
+@pytest.mark.parametrize("times", [1.6, pytest.param(20.0, marks=pytest.mark.whole)])
+def test_noise_of_one_view_that_is_larger_than_stated_is_named(times):
+    [found] = [f for f in examined(changed(noisier(times), 2)).findings if f.kind == "own_noise"]
+    assert found.subject == "view v3"
+    assert found.size == pytest.approx(times, rel=0.1)
+    assert found.severity is (Severity.void if times > 2 else Severity.doubtful)
+
+
+@pytest.mark.whole
+def test_noise_of_one_view_that_is_smaller_than_stated_accuses_none():
+    found = examined(changed(noisier(0.1), 2)).findings
+    assert {f.severity for f in found} <= {Severity.note}
+
+
+def backlash(view: View) -> View:
+    """Shift every second line by a pixel, as mirrors do that lag behind in both directions."""
+    place = np.arange(len(view.dac)).reshape(view.shape)
+    place[1::2] = np.roll(place[1::2], 1, axis=1)
+    return replace(view, velocity=view.velocity[place.ravel()], flags=view.flags[place.ravel()])
+
+
+@pytest.mark.whole
+def test_lines_that_are_shifted_are_no_other_pose():
+    found = examined(changed(backlash, 2), robust=False).findings[0]
+    assert (found.kind, found.subject) == ("own_noise", "view v3")
+    assert "lines in another order" in found.text
+
+
+@pytest.mark.whole
+@pytest.mark.parametrize("times", [0.1, 3.0])
+def test_noise_of_one_view_does_not_hide_what_is_wrong_with_another(times):
+    views = changed(noisier(times), 2)
+    views[1] = replace(views[1], velocity=1.1 * views[1].velocity)
+    found = {f.kind: f for f in examined(views).findings}
+    assert found["gain"].subject == "view v2"
+    assert found["gain"].severity is Severity.void
+
+
+@pytest.mark.parametrize("times", [3.0, pytest.param(50.0, marks=pytest.mark.whole)])
+def test_instrument_that_vibrates_itself_is_named(times):
+    views = changed(lambda v: replace(v, velocity=v.velocity + times * (1 - 0.7j) * v.std[0]), 2)
+    found = examined(views).findings[0]
+    assert (found.kind, found.subject) == ("offset", "view v3")
+    assert found.severity is Severity.void
