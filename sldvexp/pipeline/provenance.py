@@ -23,7 +23,7 @@ from sldvexp.files import require_file
 
 #: Settings that change no number.
 NO_NUMBERS = ("report", "sweep", "overwrite", "plan")
-PACKAGES = ("sldvexp", "numpy", "scipy", "xarray", "netCDF4", "hydra-core", "omegaconf")
+PACKAGES = ("sldvexp", "numpy", "scipy", "numba", "xarray", "netCDF4", "hydra-core", "omegaconf")
 
 
 def attributes(config: DictConfig, inputs: Iterable[str], start: datetime) -> dict[str, Any]:

@@ -16,8 +16,6 @@ from sldvexp.typing import Array
 
 #: Relative accuracy of the extreme eigenvalues of larger ones.
 ACCURACY = 1e-3
-#: Part of a start that is random, lest it be orthogonal to what is looked for.
-RANDOM = 0.1
 #: Steps of Hager's estimate of a norm; it rarely needs more than three.
 STEPS = 6
 
@@ -56,42 +54,17 @@ def _of_dense(value: Array, matrix: Array, inverse: Array) -> tuple[float, float
 
 
 def _of_operators(times: Solve, inverse: Solve, size: int) -> tuple[float, float]:
-    random = np.random.default_rng(size).normal(size=size)
-    # The largest eigenvector of a mass matrix has few changes of sign, as have its sums of rows.
-    sums = times(np.ones(size))
-    smooth = sums + RANDOM * np.linalg.norm(sums) / np.linalg.norm(random) * random
-    two = _largest_eigenvalue(times, smooth) * _largest_eigenvalue(inverse, random)
+    two = _largest_eigenvalue(times, size) * _largest_eigenvalue(inverse, size)
     return two, 1 / (_one_norm(times, size) * _one_norm(inverse, size))
 
 
-def _largest_eigenvalue(times: Solve, start: Array) -> float:
-    """Find the largest eigenvalue of a positive definite matrix by Lanczos' recurrence.
-
-    With a residual r of its vector, and a gap g to the next, a value is off by ``r^2 / g`` or less,
-    and by r or less: one product with the matrix is as dear as all steps of the small problem, so
-    that this is looked at after each. Vectors that are no longer orthogonal repeat eigenvalues,
-    which does no harm to the largest.
-    """
-    vector, before = start / np.linalg.norm(start), np.zeros_like(start)
-    diagonal: list[float] = []
-    beside: list[float] = []
-    for step in range(len(start)):
-        along = times(vector)
-        along -= (beside[-1] if step else 0.0) * before
-        diagonal.append(float(vector @ along))
-        along -= diagonal[-1] * vector
-        left = float(np.linalg.norm(along))
-        values, vectors = scipy.linalg.eigh_tridiagonal(
-            diagonal, beside, select="i", select_range=(max(0, step - 1), step)
-        )
-        off = left * abs(vectors[-1, -1])
-        gap = values[-1] - values[0]
-        error = off if off >= gap else off**2 / gap
-        if error <= ACCURACY * values[-1]:
-            break
-        beside.append(left)
-        before, vector = vector, along / left
-    return float(values[-1])
+def _largest_eigenvalue(times: Solve, size: int) -> float:
+    operator = scipy.sparse.linalg.LinearOperator((size, size), matvec=times, dtype=float)
+    start = np.random.default_rng(size).normal(size=size)
+    value = scipy.sparse.linalg.eigsh(
+        operator, 1, which="LA", v0=start, tol=ACCURACY, return_eigenvectors=False
+    )
+    return float(value[0])
 
 
 def _one_norm(times: Solve, size: int) -> float:

@@ -130,7 +130,8 @@ class RegionSamples:
 
     def with_model(self, model: FieldModel) -> RegionSamples:
         """Return the same samples as they are in another model."""
-        return replace(self, model=model, at=model.at(self.samples))
+        std = self.at.std if model.pixel_std is self.model.pixel_std else None
+        return replace(self, model=model, at=model.at(self.samples, std))
 
     @cached_property
     def owned(self) -> BoolArray:

@@ -52,6 +52,9 @@ class RowWeights:
 
     def times(self, x: Array) -> Array:
         """Multiply Q by vectors, shape (sample, view, column)."""
+        if not self.factor.strides[0] and not self.diagonal.any():  # the same at all samples
+            factor = self.factor[:1]
+            return np.asarray(self.sign[:, None, None] * ((np.swapaxes(factor, 1, 2) @ factor) @ x))
         # As arrays of their own, transposed matrices are multiplied three times as fast.
         transposed = np.ascontiguousarray(np.swapaxes(self.factor, 1, 2))
         of_factor = transposed @ (self.sign[:, None, None] * (self.factor @ x))
@@ -155,7 +158,7 @@ class RowModel:
             design = np.concatenate([design, valid[..., None].astype(float)], axis=-1)
         samples, views = valid.shape
         rank, rows = np.zeros(samples, int), np.zeros(samples, int)
-        found: list[tuple[IndexArray, RowWeights]] = []
+        found: list[tuple[slice | IndexArray, RowWeights]] = []
         for pattern, here in _patterns(valid):
             left = self._rows_of(pattern)
             if len(left) < FEWEST_ROWS:
@@ -166,7 +169,7 @@ class RowModel:
             found.append((here, self._weights(basis, left, valid[here], std[here])))
         if self.complete:
             rows[rank < self.parameters] = 0
-        found = [(here[kept := rows[here] > 0], weight[kept]) for here, weight in found]
+        found = [_where(rows > 0, here, weight) for here, weight in found]
         if self.instead and (lost := rows == 0).any():
             by_all = replace(self, rows=np.eye(views), generalised=True, instead=False)
             other = by_all.at(directions[lost], valid[lost], std[lost])
@@ -216,11 +219,24 @@ class RowModel:
         return RowWeights(inverse, factor, -sign)
 
 
-def _patterns(valid: BoolArray) -> Iterator[tuple[BoolArray, IndexArray]]:
+def _where(
+    kept: BoolArray, here: slice | IndexArray, weight: RowWeights
+) -> tuple[slice | IndexArray, RowWeights]:
+    """Keep the weights of some samples; nothing is copied where all are kept."""
+    if kept[here].all():
+        return here, weight
+    return np.arange(len(kept))[here][kept[here]], weight[kept[here]]
+
+
+def _patterns(valid: BoolArray) -> Iterator[tuple[BoolArray, slice | IndexArray]]:
     """Go through the sets of views that see samples, with the samples that each set sees.
 
-    Eight views are one number; a few of these numbers, put in order, number the sets so far.
+    Those are a slice, so that nothing is copied, where the same views see all. Eight views are one
+    number; a few of these numbers, put in order, number the sets so far.
     """
+    if len(valid) and np.array_equal(valid.all(axis=0), valid.any(axis=0)):
+        yield valid[0], slice(None)
+        return
     code = np.zeros(len(valid), np.intp)
     for eight in np.packbits(valid, axis=1).T:
         _, code = np.unique(256 * code + eight, return_inverse=True)
@@ -230,8 +246,12 @@ def _patterns(valid: BoolArray) -> Iterator[tuple[BoolArray, IndexArray]]:
         yield valid[here[0]], here
 
 
-def _joined(parts: list[tuple[IndexArray, RowWeights]], shape: tuple[int, int]) -> RowWeights:
+def _joined(
+    parts: list[tuple[slice | IndexArray, RowWeights]], shape: tuple[int, int]
+) -> RowWeights:
     """Join weights of some samples each; those of the others are zero."""
+    if len(parts) == 1 and isinstance(parts[0][0], slice):
+        return parts[0][1]
     rows = max((weight.factor.shape[1] for _, weight in parts), default=0)
     whole = RowWeights(np.zeros(shape), np.zeros((shape[0], rows, shape[1])), np.ones(shape[0]))
     for here, weight in parts:
@@ -361,11 +381,17 @@ class FieldModel:
         world = samples.directions
         return world @ np.swapaxes(samples.frame, 1, 2) if self.local else world
 
-    def at(self, samples: SampleVisibility) -> SampleContributions:
-        """Set up what samples contribute."""
-        std = np.stack(
-            [_mean_std(*each) for each in zip(samples.by_view, self.pixel_std, strict=True)], 1
-        )
+    def at(self, samples: SampleVisibility, std: Array | None = None) -> SampleContributions:
+        """Set up what samples contribute.
+
+        Parameters
+        ----------
+        std : ndarray, shape (sample, view), m/s, optional
+            See `SampleContributions`; where another model of the same pixels has it already.
+        """
+        if std is None:
+            each = zip(samples.by_view, self.pixel_std, strict=True)
+            std = np.stack([_mean_std(*of_view) for of_view in each], axis=1)
         relative = std / np.sqrt(self.variance) if self.generalised else std
         directions = self.directions(samples)
         pointwise = self.row_model.at(directions, samples.valid, relative)
