@@ -526,3 +526,13 @@ def test_places_that_touch_some_pixels(kind: str) -> None:
     some[8 * 21 + 8] = True
     near, far = image.dac[some], image.dac[some] + 2.5 * step
     assert mesh_of(image).touches(np.concatenate([near, far]), some).tolist() == [True, False]
+
+
+@pytest.mark.parametrize("n", [5, 90])
+def test_weights_take_half_the_bytes_of_wide_indices(n: int) -> None:
+    """Of one block of places and of several, as every sample of a field has its weights."""
+    image = even(9)
+    places = np.random.default_rng(3).uniform(-0.9 * HALF, 0.9 * HALF, (n * n, 2))
+    value = Interpolation.cubic.prepare(image).at(places).value
+    assert value.indices.dtype == value.indptr.dtype == np.int32
+    assert value.data.nbytes == 2 * value.indices.nbytes

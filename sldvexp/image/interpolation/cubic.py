@@ -185,7 +185,8 @@ def fit_patches(
     for m in range(1, TERMS):
         used = np.flatnonzero(np.abs(coefficient[:, m]) > NOTHING)
         values, i = coefficient[used, m], first[used]
-        rows, columns = np.append(i, i), np.append(second[used], i)
+        # Of the kind of all weights' indices, or those of every sample would be twice as wide.
+        rows, columns = (np.append(a, i).astype(np.int32) for a in (i, second[used]))
         blocks.append(
             scipy.sparse.csr_array((np.append(values, -values), (rows, columns)), (count, count))
         )

@@ -1,0 +1,44 @@
+"""Memory of a run's process is that of one heap."""
+
+from __future__ import annotations
+
+import platform
+import subprocess
+import sys
+
+import pytest
+
+#: Allocates in several threads at once, and lets the C library tell of its heaps.
+PROGRAM = """
+import ctypes, sys, threading
+from sldvexp.cli import command
+
+if sys.argv[1] == "one":
+    command._share_one_heap()
+all_there = threading.Barrier(4)
+
+def work():
+    all_there.wait()
+    kept = [bytearray(5000) for _ in range(50)]
+    all_there.wait()
+    return kept
+
+threads = [threading.Thread(target=work) for _ in range(4)]
+for thread in threads:
+    thread.start()
+for thread in threads:
+    thread.join()
+library = ctypes.CDLL(None)
+library.fdopen.restype = ctypes.c_void_p
+out = ctypes.c_void_p(library.fdopen(1, b"w"))
+library.malloc_info(0, out)
+library.fflush(out)
+"""
+
+
+@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="of GNU's C library")
+@pytest.mark.parametrize("heaps", ["one", "many"])
+def test_threads_share_one_heap(heaps):
+    call = [sys.executable, "-c", PROGRAM, heaps]
+    told = subprocess.run(call, capture_output=True, text=True, check=True).stdout
+    assert (told.count("<heap nr=") == 1) == (heaps == "one")
