@@ -22,14 +22,16 @@ from sldvexp.reconstruction import Contravariant, base
 FULL_SIZE = os.environ.get("SLDVEXP_BENCHMARK") == "1"
 #: Of four times the views; measured 2.5 and 2.1 (contravariant), 3.2 and 4.1 (absolute).
 GROWTH = 4.5
+#: Each is the least of so many that take turns.
+TURNS = 2
 #: Of 80 views, MB; measured 1061 and 899.
 LARGEST = 1500
 
 #: What a process of its own does, so that its largest memory is that of one field.
 PROCESS = """
-import resource, time
+import time
 import numpy as np
-from conftest import looks_at
+from conftest import largest_memory, looks_at
 from sldvexp.field import Iterative
 from sldvexp.field.estimate import solve_field
 from sldvexp.reconstruction import {method}
@@ -39,8 +41,7 @@ stands = np.stack([reach * np.cos(turn), reach * np.sin(turn), 1.5 + 0 * turn], 
 looks = looks_at((16, 16), 45, 1, stands)
 start = time.process_time()
 solve_field(looks, {method}(), Iterative())
-memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-print(time.process_time() - start, memory)
+print(time.process_time() - start, largest_memory())
 """
 
 
@@ -61,7 +62,8 @@ def cost(method: str, views: int) -> tuple[float, float]:
 @pytest.mark.skipif(not FULL_SIZE, reason="takes a minute; set SLDVEXP_BENCHMARK=1")
 @pytest.mark.parametrize("method", ["Contravariant", "Absolute"])
 def test_four_times_the_views(method: str) -> None:
-    costs = [cost(method, views) for views in (5, 20, 80)]
+    turns = [[cost(method, views) for views in (5, 20, 80)] for _ in range(TURNS)]
+    costs = [min(of) for of in zip(*turns, strict=True)]
     growth = [b[0] / a[0] for a, b in pairwise(costs)]
     print(f"{method}, 5, 20 and 80 views: growth {np.round(growth, 2)}, {costs[-1][1]:.0f} MB")
     assert max(growth) < GROWTH
