@@ -25,8 +25,16 @@ STILL = 0.05
 #: Standard errors by which a factor must differ from one to explain anything.
 SEEN = 3.0
 #: Kinds that void the bounds, however sure.
-GROSS = ("sign", "conjugate", "conjugate_sign", "rms", "inverse_rms", "other_field", "exchanged")
-GROSS += ("other_values",)
+GROSS = (
+    "sign",
+    "conjugate",
+    "conjugate_sign",
+    "rms",
+    "inverse_rms",
+    "other_field",
+    "other_values",
+    "exchanged",
+)
 #: Noise of one view, over the stated one, above which it is no noise that could be believed.
 GROSS_NOISE = 2.0
 #: Noise of all views, over the stated one, below which the latter is hardly a measured one.
