@@ -84,8 +84,10 @@ def _own_noise(
     if freedom <= 0 or others.dof <= 0 or others.squares <= 0:
         return
     even = others.squares / others.dof
-    # Both fits have designs of their own: what is less than this is lost in the difference.
-    ratio = max((fit.squares - others.squares) / freedom / even, LEAST_NOISE**2)
+    # Of what the others predict: a view that states too little noise bends the fit of all to it.
+    off = others.velocity(k) - others.predicted(k)
+    predicted = others.prediction_variance(k) - 1.0
+    ratio = max(float(np.mean(off**2 / even - predicted)), LEAST_NOISE**2)
     gained = fit.dof * np.log(scale / even) - freedom * np.log(ratio)
     criterion = float(least - gained + np.log(fit.dof))
     yield Explanation((k,), "own_noise", criterion, noise=float(np.sqrt(ratio)), misfit=even)

@@ -70,6 +70,8 @@ MOST_LEFT_OUT = 0.15
 #: Share of a view's usable pixels that see a surface which other views see well, below which the
 #: view was not taken from where it is said to be.
 MOST_BESIDE = 0.1
+#: Probability below which views are rejected that were tested again with a noise that was found.
+AGAIN = 1e-4
 #: Part of the misfit that may be left to a finer field where the mirrors' pointing is judged.
 FOLLOWED = 0.1
 #: Views that a field of three components takes.
@@ -285,10 +287,11 @@ class _Examination:
         """
         for turn in range(len(bench.data)):
             tests = compare_views(bench, fit)
+            if turn and tests.least > AGAIN:
+                break
             if not tests.rejects:
-                if turn == 0:
-                    self._judge_noise(bench, fit, tests)
-                return turn == 0
+                self._judge_noise(bench, fit, tests)
+                return True
             ranked = diagnose(bench, fit)
             if not ranked[0].view:
                 self.findings.append(unexplained(bench.names, tests))

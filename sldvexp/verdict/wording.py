@@ -25,10 +25,20 @@ STILL = 0.05
 #: Standard errors by which a factor must differ from one to explain anything.
 SEEN = 3.0
 #: Kinds that void the bounds, however sure.
-OF_SCALE = "sign", "conjugate", "conjugate_sign", "rms", "inverse_rms"
-GROSS = *OF_SCALE, "other_field", "exchanged", "other_values"
+GROSS = (
+    "sign",
+    "conjugate",
+    "conjugate_sign",
+    "rms",
+    "inverse_rms",
+    "other_field",
+    "other_values",
+    "exchanged",
+)
 #: Noise of one view, over the stated one, above which it is no noise that could be believed.
 GROSS_NOISE = 2.0
+#: Noise of all views, over the stated one, below which the latter is hardly a measured one.
+OTHER_UNIT = 0.1
 #: Kinds that any of four views explains as well.
 OF_ANY = ("other_field", "other_values", "pose")
 
@@ -135,7 +145,11 @@ def noise_finding(
         How many of a view see the surface, and how many it takes to follow the field.
     """
     what, fit, other = (
-        ("velocities", "what all views agree on", "directions are less exact than stated")
+        (
+            "velocities",
+            "what all views agree on",
+            "more than one view is wrong, or directions are less exact than stated",
+        )
         if of_points
         else (
             "pixels",
@@ -159,7 +173,8 @@ def noise_finding(
         return Finding(
             "noise",
             "views",
-            f"the noise of the {what} is {np.sqrt(tests.misfit):.3g} times the stated one",
+            f"the noise of the {what} is {np.sqrt(tests.misfit):.3g} times the stated one"
+            + (": is that in another unit?" if tests.misfit < OTHER_UNIT**2 else ""),
             Severity.note,
             tests.misfit,
             tests.misfit_p_value,

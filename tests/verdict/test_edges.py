@@ -178,6 +178,14 @@ def test_noise_of_one_view_that_is_larger_than_stated_is_named(times):
 
 
 @pytest.mark.whole
+def test_noise_that_one_view_states_too_small_is_named_once():
+    views = changed(lambda v: replace(v, std=v.std / 8), 2)
+    [found] = [f for f in examined(views).findings if f.severity is not Severity.note]
+    assert (found.kind, found.subject) == ("own_noise", "view v3")
+    assert found.size == pytest.approx(8, rel=0.25)
+
+
+@pytest.mark.whole
 def test_noise_of_one_view_that_is_smaller_than_stated_accuses_none():
     found = examined(changed(noisier(0.1), 2)).findings
     assert {f.severity for f in found} <= {Severity.note}

@@ -181,6 +181,13 @@ def test_noise_in_another_unit_accuses_no_view(small):
         [finding] = examine_points(grid_of_points(seed, std=NOISE / small)[0])[1]
         assert (finding.kind, finding.subject) == ("noise", "views")
         assert finding.severity is Severity.doubtful
+        assert "more than one view is wrong, or directions are less" in finding.text
+
+
+def test_noise_that_is_stated_a_thousand_times_too_large_is_asked_for_its_unit():
+    [finding] = examine_points(grid_of_points(0, std=1e3 * NOISE)[0])[1]
+    assert finding.severity is Severity.note
+    assert "is that in another unit?" in finding.text
 
 
 @pytest.mark.parametrize("factor", [-1.0, 1.1])
