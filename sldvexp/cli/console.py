@@ -154,7 +154,9 @@ def advice(experiment: Experiment, groups: Mapping[str, xr.Dataset]) -> Advice:
     if not groups and experiment.volume is not None:
         given = planner.check_stands(experiment)
         reached = f"The stands that are given: {_reached(given)}."
-        return Advice([reached, BETTER], PlanFigure(given))
+        beside = planner.done.boxes_told(given.stands, given.place, experiment)
+        lines = [reached, *(f"{_sentence(line)}." for line in beside), BETTER]
+        return Advice(lines, PlanFigure(given))
     if experiment.volume is None or not any(name.startswith("image/") for name in groups):
         return Advice(["Without a volume and images of it nobody can say where to stand next."])
     done = RunData(dict(groups), {}, Path())
@@ -168,6 +170,8 @@ def advice(experiment: Experiment, groups: Mapping[str, xr.Dataset]) -> Advice:
     for stand in after.added:
         place, what = (_metres(point) for point in (stand.origin, stand.look_at))
         told.append(f"Stand next at {place} m and look at {what} m. Then: {_reached(after)}.")
+    if after.one_more is not None:
+        told.append(f"{_sentence(after.one_more.told)}.")
     return Advice(told, PlanFigure(after))
 
 
@@ -204,8 +208,12 @@ def _reached(plan: StandPlan) -> str:
     )
 
 
+def _sentence(text: str) -> str:
+    return text[0].upper() + text[1:]
+
+
 def _metres(point: Array) -> str:
-    return "(" + ", ".join(f"{x:.2f}" for x in point) + ")"
+    return "(" + ", ".join(f"{x:.2f}" for x in point.round(2) + 0.0) + ")"
 
 
 def _number(port: str | None) -> int:

@@ -81,7 +81,7 @@ def run(
     if to is not None:
         planner.files.require_free(Path(to), name, replace=experiment.overwrite)
     found = _planned(action, experiment, done)
-    _print(found, action, experiment)
+    _print(found, action, experiment, of_run=done is not None)
     if to is None:
         return 0
     written = planner.files.write(
@@ -164,12 +164,12 @@ def _of_run(
     return composed, recorded.plugins, {}, done
 
 
-def _print(found: StandPlan, action: str, experiment: Experiment) -> None:
+def _print(found: StandPlan, action: str, experiment: Experiment, of_run: bool) -> None:
     console = Console()
     console = console if console.is_terminal else Console(width=max(console.width, 132))
     console.print(_stands(found))
     console.print(_bounds(found))
-    for line in told(found, action, experiment):
+    for line in told(found, action, experiment, of_run):
         console.print("\n".join(wrapped(line)), highlight=False, markup=False)
 
 
@@ -193,7 +193,7 @@ def _stands(found: StandPlan) -> Table:
         angle = np.degrees(np.arccos(np.clip(cosine[seen], -1, 1)))
         table.add_row(
             stand.name,
-            ", ".join(f"{x:.3f}" for x in stand.origin),
+            ", ".join(f"{x:.3f}" for x in stand.origin.round(3) + 0.0),
             ", ".join(f"{x:.3f}" for x in stand.look_at.round(3) + 0.0),  # no -0.000
             f"{way.min():.2f} to {way.max():.2f}",
             f"{angle.min():.0f} to {angle.max():.0f} deg",
@@ -221,7 +221,9 @@ def _bounds(found: StandPlan) -> Table:
     return table
 
 
-def told(found: StandPlan, action: str, experiment: Experiment) -> Iterator[str]:
+def told(
+    found: StandPlan, action: str, experiment: Experiment, of_run: bool = False
+) -> Iterator[str]:
     """Yield sentences on what was asked for, what is not seen and what the bounds leave out."""
     yield (
         "an instrument looks at the point that its beam meets with both mirrors at step 0; planned "
@@ -257,6 +259,10 @@ def told(found: StandPlan, action: str, experiment: Experiment) -> Iterator[str]
     if action != "check" and (limited := _circles_limit(found, experiment)):
         yield limited
     yield from planner.circle_limits.hidden_told(found.stands, found.place)
+    if found.one_more is not None:
+        yield found.one_more.told
+    if action and not of_run:
+        yield from planner.done.boxes_told(found.given, found.place, experiment)
     if action == "check":
         yield from _not_seen(found)
         yield from planner.circle_lines.too_short(found.stands, found.place, experiment.scan)
@@ -335,5 +341,5 @@ def _oblique(place: Place, stand: Stand, target: Circles) -> str:
     return " and ".join(
         f"circle {number} on the plane {target.circles[number].plane} at {angle:.1f} deg"
         for number, angle in angles.items()
-        if angle > place.room.incidence
+        if angle > place.incidence_of_circles
     )

@@ -12,6 +12,8 @@ from sldvexp.units import LengthUnit, VelocityUnit, beyond_belief
 
 #: Noise of a vibrometer that is one of another unit, m/s r.m.s.
 LOUDEST = 1.0
+#: Incidence below which radians are meant.
+IN_RADIANS = 2.0
 #: Fewer stands do not determine a vector; more are no matter of planning.
 FEWEST_STANDS, MOST_STANDS = 3, 8
 #: Room in which stands are looked for where nothing is said of it, m: an instrument on a tripod,
@@ -133,6 +135,11 @@ class PlanRoom:
             box.check(checks, f"{name}.forbidden.{key}")
         message = f"must lie between 0 and 90 deg, not {self.incidence}"
         checks.require(0 < self.incidence < 90, f"{name}.incidence", message)
+        degrees = math.degrees(self.incidence)
+        message = (
+            f"is in deg, and {self.incidence:g} deg leaves no stand: {degrees:.3g} if rad are meant"
+        )
+        checks.require(not 0 < self.incidence < IN_RADIANS, f"{name}.incidence", message)
         message = f"must be above 0 and at most 1, not {self.mirrors}"
         checks.require(0 < self.mirrors <= 1, f"{name}.mirrors", message)
         message = f"must be above 0 and at most 1, not {self.seen}"

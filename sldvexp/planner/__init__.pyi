@@ -1,5 +1,6 @@
 from . import circle_limits as circle_limits
 from . import circle_lines as circle_lines
+from . import done as done
 from . import figure as figure
 from . import files as files
 from .planned import StandPlan as StandPlan

@@ -11,19 +11,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from sldvexp.geometry import meets_triangles
 from sldvexp.planner.images import Stand
-from sldvexp.planner.place import OBLIQUE, RIM, Place, Unseen
+from sldvexp.planner.place import OBLIQUE, Place, Unseen
 from sldvexp.planner.search import drawn
 from sldvexp.planner.turning import turned_towards
 from sldvexp.typing import Array, BoolArray
 
 #: Part of the places of otherwise good stands that circles cost, from which that is said.
 MANY = 0.5
-#: Corners of a region that is a plane one.
-CORNERS = 4
-#: Of the way to a point of a circle, how near to it the surface still hides it.
-BEFORE = 0.999
 
 
 def around(place: Place, rng: np.random.Generator) -> str:
@@ -67,30 +62,15 @@ def _good(place: Place, origins: Array, but: Unseen = Unseen.seen) -> BoolArray:
 def hidden_told(stands: Sequence[Stand], place: Place) -> Iterator[str]:
     """Yield a sentence for each stand from which the structure itself hides circles."""
     circles = place.marks.circles
-    if circles is None:
+    if circles is None or not stands:
         return
-    structure = _structure(place)
-    for stand in stands:
-        hidden = []
-        rims = place.marks.position.reshape(-1, RIM, 3)
-        for number, rim in zip(sorted(circles.circles), rims, strict=True):
-            ways = rim - stand.origin
-            met = [meets_triangles(stand.origin, way, structure) for way in ways]
-            if min(met) < BEFORE:
-                hidden.append(f"circle {number}")
-        if hidden:
+    origins = np.array([stand.origin for stand in stands])
+    numbers = np.array(sorted(circles.circles))
+    for stand, row in zip(stands, place.marks.hidden_by(place.structure, origins), strict=True):
+        if row.any():
+            names = " and ".join(f"circle {number}" for number in numbers[row])
             yield (
-                f"stand {stand.name}: the structure hides {' and '.join(hidden)} of the "
-                "calibration object; move the object forward, or keep that place out by "
+                f"stand {stand.name}: the structure hides {names} of the calibration object, or a "
+                "part of what rests around it; move the object forward, or keep that place out by "
                 "plan.room.low, plan.room.high or plan.room.forbidden"
             )
-
-
-def _structure(place: Place) -> Array:
-    """Take the surface as triangles, and a plane region that is scanned of it, (triangle, 3, 3)."""
-    prisms = place.surface
-    surface = prisms.surface[prisms.triangles]
-    if len(place.region) != CORNERS:
-        return surface
-    a, b, c, d = place.region
-    return np.concatenate([surface, np.array([[a, b, c], [a, c, d]])])

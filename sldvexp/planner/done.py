@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,12 +12,15 @@ from sldvexp.dataset import RunData
 from sldvexp.errors import UserError
 from sldvexp.field.visibility.view import View, views_of
 from sldvexp.geometry import KnownPose
-from sldvexp.planner.images import Stand, empty_image, known_stand, looked_at, raster_of
+from sldvexp.planner.images import Stand, empty_image, held_by, known_stand, looked_at, raster_of
 from sldvexp.planner.place import Place
 from sldvexp.pose.given import Given
 from sldvexp.scan.rectangle import Rectangle
 from sldvexp.scan.session import Session
-from sldvexp.typing import Array
+from sldvexp.typing import Array, IntArray
+
+#: Part of the surface's nodes that a box holds at least whose corners are of that stand.
+HELD = 0.9
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,12 +95,42 @@ def _stand(name: str, origin: Array, rotation: Array, place: Place) -> Stand:
 
 
 def _image(stand: Stand, experiment: Experiment, number: int, place: Place) -> View:
-    """Lay the pixels that the configuration's scan has of a stand, or those that it would get."""
+    """Lay the pixels that the configuration's scan has of a stand, or those that it would get.
+
+    Corners in DAC steps that are of another stand or object do not count.
+    """
+    raster = _own_raster(stand, experiment)
+    if raster is None or held_by(raster, stand, place) < HELD * len(place.nodes):
+        raster = raster_of(stand, experiment)
+    return empty_image(stand, experiment, raster, number, place)
+
+
+def _own_raster(stand: Stand, experiment: Experiment) -> IntArray | None:
+    """Lay the pixels of the box that the scan gives a view in DAC steps; None without one."""
     scan = experiment.scan
     part = scan.structure if isinstance(scan, Session) else scan
-    scanned = isinstance(part, Rectangle) and stand.name in part.views
-    raster = part.grid(stand.name) if scanned else raster_of(stand, experiment)
-    return empty_image(stand, experiment, raster, number, place)
+    region = part.views.get(stand.name) if isinstance(part, Rectangle) else None
+    if region is None or region.pose is not None:
+        return None
+    assert isinstance(part, Rectangle)
+    return part.grid(stand.name)
+
+
+def boxes_told(stands: Sequence[Stand], place: Place, experiment: Experiment) -> Iterator[str]:
+    """Say of which stands the scan's corners in DAC steps are of another stand, or object."""
+    key = "scan.structure.views" if isinstance(experiment.scan, Session) else "scan.views"
+    for stand in stands:
+        raster = _own_raster(stand, experiment)
+        if raster is None:
+            continue
+        held, count = held_by(raster, stand, place), len(place.nodes)
+        if held < HELD * count:
+            yield (
+                f"stand {stand.name}: {key}.{stand.name} gives corners in DAC steps that hold "
+                f"{held} of {count} nodes as seen from there, so that they are of another stand or "
+                "object; bounds are told as if the surface was imaged whole, and a run needs other "
+                f"corners (~{key}.{stand.name} takes these out)"
+            )
 
 
 def _emptied(view: View) -> View:

@@ -207,15 +207,15 @@ def _tell_region(image: dict[str, Any], plan: StandPlan) -> bool:
         image["pixels"] = list(USUAL_PIXELS)
     if not image["corners_at"]:
         unit = LengthUnit[image["unit"]].value
-        image["corners_at"] = (plan.place.region / unit).round(6).tolist()
+        image["corners_at"] = ((plan.place.region / unit).round(6) + 0.0).tolist()
     return bool(image["corners_at"])
 
 
 def as_pose(stand: Stand) -> dict[str, Any]:
     """Say a stand as a pose: where it is and what it looks at, upright."""
     return {
-        "origin": [round(float(x), 4) for x in stand.origin],
-        LOOK_AT: [round(float(x), 4) for x in stand.look_at],
+        "origin": (stand.origin.round(4) + 0.0).tolist(),  # no -0.0
+        LOOK_AT: (stand.look_at.round(4) + 0.0).tolist(),
     }
 
 

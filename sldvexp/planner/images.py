@@ -16,7 +16,8 @@ from sldvexp.field.visibility.view import View
 from sldvexp.geometry import rotation_towards
 from sldvexp.laser import direction_cosines
 from sldvexp.planner.expected import empty_view
-from sldvexp.planner.place import BESIDE, Place, crosses
+from sldvexp.planner.place import BESIDE, Place
+from sldvexp.planner.structure import crosses
 from sldvexp.planner.turning import angles_of, turned_towards
 from sldvexp.scan.lines import box_corners, half_chords, rectangle, strided
 from sldvexp.scan.rectangle import Rectangle
@@ -108,6 +109,18 @@ def half_chords_of(stand: Stand, place: Place, lines: int) -> Array:
     return found
 
 
+def held_by(raster: IntArray, stand: Stand, place: Place) -> int:
+    """Count the nodes of the surface that the box of an image's pixels holds, as a stand sees them.
+
+    Parameters
+    ----------
+    raster : ndarray of int, shape (row, column, 2), steps
+    """
+    dac, pixels = _dac(stand.origin, stand.rotation, place.nodes, place), raster.reshape(-1, 2)
+    inside = (dac >= pixels.min(axis=0)) & (dac <= pixels.max(axis=0))
+    return int(inside.all(axis=1).sum())
+
+
 def _reached(origin: Array, rotation: Array, points: Array, place: Place) -> bool:
     """Tell whether the mirrors send the beam to all of some points."""
     angles = angles_of(origin[None], rotation[None], points, place.laser)[0]
@@ -159,5 +172,6 @@ def empty_image(
         far = np.linalg.norm(place.middle - stand.origin)
         ends = stand.origin - far * direction_cosines(angles, stand.rotation)
         for box in place.solid:
-            lost |= crosses(stand.origin[None], ends, box).reshape(lost.shape)
+            beyond = crosses(stand.origin[None], ends, box.low, box.high)
+            lost |= beyond.reshape(lost.shape)
     return empty_view(stand.name, stand.rotation, stand.origin, raster, lost)

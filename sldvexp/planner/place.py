@@ -3,8 +3,8 @@
 A node of the surface is seen if it faces the stand within the incidence allowed, nothing stands in
 between, the mirrors reach it, and it is neither too near nor too far. A stand is refused as a whole
 if it is outside of the room or in a forbidden part of it, or does not see the whole calibration
-object, from whose circles its pose is found, as where one of them hides another, or if it does not
-reach a corner of the region that is to be scanned.
+object, from whose circles its pose is found, as where one of them or the structure hides another,
+or if it does not reach a corner of the region that is to be scanned.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ from sldvexp.field.visibility.view import View
 from sldvexp.geometry import golden_sphere
 from sldvexp.laser import TwoMirror
 from sldvexp.lazy import scipy
+from sldvexp.planner.marks import TargetMarks
+from sldvexp.planner.structure import Structure, crosses
 from sldvexp.planner.turning import angles_of
 from sldvexp.scan import Scan
 from sldvexp.scan.rectangle import Rectangle
 from sldvexp.scan.session import Session
-from sldvexp.targets import Circles, Target
-from sldvexp.targets.shadows import hidden_behind_circles, shaded
 from sldvexp.typing import Array, BoolArray, IntArray
 from sldvexp.volume import Prisms, Volume
 
@@ -44,10 +44,8 @@ BESIDE = 0.015
 FLAT, THIN = 0.2, 1e-3
 #: Corners of a region are told to a tenth of a millimetre.
 DECIMALS_OF_REGION = 4
-#: Incidence at which the edges of circles are still found well, deg.
+#: Incidence up to which the edges of circles are still found well, deg.
 OBLIQUE = 72.0
-#: Points on the rim of each circle that beams must reach.
-RIM = 8
 
 
 class Unseen(IntEnum):
@@ -70,6 +68,7 @@ class Unseen(IntEnum):
     target_hidden = 14
     rim_behind_target = 15
     region_mirrors = 16
+    target_behind_structure = 17
 
     @property
     def told(self) -> str:
@@ -95,6 +94,7 @@ _TOLD = {
     Unseen.target_hidden: "a circle of the calibration object hidden by another one",
     Unseen.rim_behind_target: "the structure beside the surface hidden by the calibration object",
     Unseen.region_mirrors: "a corner of the scanned region beyond the mirrors",
+    Unseen.target_behind_structure: "calibration object hidden by the structure",
 }
 
 #: Settings that each reason comes from, for messages.
@@ -115,73 +115,8 @@ SETTING_OF = {
     Unseen.target_hidden: "the shape of the calibration object",
     Unseen.rim_behind_target: "volume.margin with the shape of the calibration object",
     Unseen.region_mirrors: "plan.room.mirrors with corners_at of the scanned region",
+    Unseen.target_behind_structure: "the structure before the calibration object",
 }
-
-
-@dataclass(frozen=True, eq=False)
-class TargetMarks:
-    """Points of the calibration object that beams must reach.
-
-    Parameters
-    ----------
-    position : ndarray, shape (mark, 3), m
-    normal : ndarray, shape (mark, 3)
-        Zero where a mark is seen from everywhere.
-    centres : ndarray, shape (circle, 3), m
-        Of its circles, which a scan is told of; none of other objects.
-    circles : Circles, optional
-        The object, if it has circles.
-    """
-
-    position: Array
-    normal: Array
-    centres: Array
-    circles: Circles | None = None
-
-    @classmethod
-    def from_target(cls, target: Target | None) -> TargetMarks:
-        """Take the rims of circles, or the points of any other object."""
-        if target is None:
-            return cls(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros((0, 3)))
-        if not isinstance(target, Circles):
-            position = target.points().position
-            return cls(position, np.zeros_like(position), np.zeros((0, 3)))
-        centres, rims, normals = [], [], []
-        turn = np.arange(RIM) * 2 * np.pi / RIM
-        for number in sorted(target.circles):
-            circle = target.circles[number]
-            plane = target.planes[circle.plane]
-            axes = plane.axes()
-            centre = np.array(plane.origin) + np.array([circle.x, circle.y]) @ axes[:2]
-            ring = np.stack([np.cos(turn), np.sin(turn)], axis=1) @ axes[:2]
-            centres.append(centre)
-            rims.append(centre + circle.diameter / 2 * ring)
-            normals.append(np.broadcast_to(axes[2], ring.shape))
-        unit = target.unit.value
-        rim, normal = unit * np.concatenate(rims), np.concatenate(normals)
-        return cls(rim, normal, unit * np.array(centres), target)
-
-    def hides(self, origins: Array, points: Array) -> BoolArray:
-        """Tell which points the circles hide from stands, (stand, point)."""
-        if self.circles is None:
-            return np.zeros((len(origins), len(points)), bool)
-        return np.asarray(hidden_behind_circles(origins, points, self.circles).any(axis=2))
-
-    def incidences(self, origin: Array) -> dict[int, float]:
-        """Find the largest angle of incidence on each circle from a stand, deg, by its number."""
-        if self.circles is None:
-            return {}
-        way = origin - self.position
-        cosine = np.sum(way * self.normal, axis=1) / np.linalg.norm(way, axis=1)
-        least = cosine.reshape(-1, RIM).min(axis=1)
-        angles = np.degrees(np.arccos(np.clip(least, -1, 1)))
-        return dict(zip(sorted(self.circles.circles), angles.tolist(), strict=True))
-
-    def hide_themselves(self, origins: Array) -> BoolArray:
-        """Tell from which stands a circle is hidden by another one, (stand,)."""
-        if self.circles is None or len({c.plane for c in self.circles.circles.values()}) == 1:
-            return np.zeros(len(origins), bool)
-        return np.asarray(shaded(origins, self.circles).any(axis=(1, 2)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -197,6 +132,8 @@ class Place:
         Corners of all that is imaged: the volume's outermost layers and their margin.
     region : ndarray, shape (corner, 3), m
         Corners of the region that the scan is told of in the world; none without.
+    structure : Structure
+        What hides the calibration object: the surface, and the region around it.
     """
 
     nodes: Array
@@ -209,6 +146,7 @@ class Place:
     both_sides: bool
     surface: Prisms
     clearance: float | None
+    structure: Structure
 
     @classmethod
     def from_experiment(cls, experiment: Experiment, new_stands: bool = True) -> Place:
@@ -236,11 +174,12 @@ class Place:
         marks = TargetMarks.from_target(experiment.target)
         room = experiment.plan.room
         grazing = np.cos(np.radians(room.incidence))
+        region = region_of(experiment.scan)
         place = cls(
             prisms.surface,
             prisms.frame,
             outline_of(prisms, volume.unit.value * volume.margin),
-            region_of(experiment.scan),
+            region,
             marks,
             experiment.laser,
             room.for_new_stands() if new_stands else room,
@@ -249,6 +188,7 @@ class Place:
             float(np.ptp(prisms.depth)) / 2 / grazing
             if hides_itself(prisms, volume.sight.both_sides)
             else None,
+            Structure.from_surface(prisms, region),
         )
         place._check_boxes()
         return place
@@ -271,7 +211,9 @@ class Place:
         """Have a region around the object scanned where nothing tells one."""
         if len(self.region):
             return self
-        return Place(**{**vars(self), "region": region_around(self.outline, self.frame)})
+        region = region_around(self.outline, self.frame)
+        structure = Structure.from_surface(self.surface, region)
+        return Place(**{**vars(self), "region": region, "structure": structure})
 
     def thinned(self) -> Place:
         """Keep so many nodes as stands are compared on, spread over the surface."""
@@ -310,14 +252,22 @@ class Place:
             Unseen.behind_target: self.marks.hides(origins, self.nodes),
         }
 
+    @property
+    def incidence_of_circles(self) -> float:
+        """Largest angle between a beam and the normal of a circle, deg."""
+        return min(self.room.incidence, OBLIQUE)
+
     def refusals(self, origins: Array, rotations: Array) -> dict[Unseen, BoolArray]:
-        """Find the stands that each limit refuses as a whole, (stand,); the first counts."""
+        """Find the stands that each limit refuses as a whole, (stand,); the first counts.
+
+        What the structure hides is found of stands that nothing else refuses.
+        """
         marks = self.marks
         way = origins[:, None] - marks.position[None]
         cosine = np.einsum("smi,mi->sm", way, marks.normal) / np.linalg.norm(way, axis=-1)
         faces = np.any(marks.normal != 0, axis=1)
-        oblique = (cosine < np.cos(np.radians(self.room.incidence))) & faces
-        return {
+        oblique = (cosine < np.cos(np.radians(self.incidence_of_circles))) & faces
+        found = {
             **self.refusals_of_room(origins),
             Unseen.target_incidence: oblique.any(axis=1),
             Unseen.target_mirrors: self._beyond(origins, rotations, marks.position).any(axis=1),
@@ -326,6 +276,10 @@ class Place:
             Unseen.rim_behind_target: marks.hides(origins, self.outline).any(axis=1),
             Unseen.region_mirrors: self._beyond(origins, rotations, self.region).any(axis=1),
         }
+        rest = np.flatnonzero(~np.any(list(found.values()), axis=0))
+        hidden = np.zeros(len(origins), bool)
+        hidden[rest] = marks.too_few(marks.hidden_by(self.structure, origins[rest]))
+        return found | {Unseen.target_behind_structure: hidden}
 
     def refusals_of_room(self, origins: Array) -> dict[Unseen, BoolArray]:
         """Find the stands that the room does not allow, (stand,)."""
@@ -350,7 +304,7 @@ class Place:
         """Tell which points are behind a box that stops beams, (stand, point)."""
         blocked = np.zeros((len(origins), len(points)), bool)
         for box in self.solid:
-            blocked |= crosses(origins, points, box)
+            blocked |= crosses(origins, points, box.low, box.high)
         return blocked
 
     @property
@@ -535,17 +489,3 @@ def spread(points: Array, count: int) -> IntArray:
         nearest = np.minimum(nearest, np.sum((points - last) ** 2, axis=1))
         chosen[k] = int(np.argmax(nearest))
     return np.sort(chosen)
-
-
-def crosses(origins: Array, points: Array, box: ForbiddenBox) -> BoolArray:
-    """Tell which ways from stands to points cross a box, shape (stand, point).
-
-    A way ``O + s (P - O)`` is between the two planes of an axis for an interval of s; it crosses
-    the box if the three intervals and that from 0 to 1 have something in common.
-    """
-    begin, way = origins[:, None], points[None] - origins[:, None]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        one, other = (np.array(box.low) - begin) / way, (np.array(box.high) - begin) / way
-    enters = np.fmax(np.fmin(one, other).max(axis=-1), 0.0)
-    leaves = np.fmin(np.fmax(one, other).min(axis=-1), 1.0)
-    return np.asarray(enters < leaves)

@@ -23,6 +23,7 @@ from sldvexp.planner.done import NOBODY, GivenStands
 from sldvexp.planner.expected import ExpectedBounds, expected_bounds
 from sldvexp.planner.gage import PlannedGage
 from sldvexp.planner.images import Stand, empty_image, raster_of, stand_at
+from sldvexp.planner.one_more import OneMore, one_more
 from sldvexp.planner.place import Place, StandExamination, of_search
 from sldvexp.planner.search import FeasiblePlaces, candidates, exchange, greedy, move
 from sldvexp.scan.base import Sampling, Scan
@@ -58,6 +59,8 @@ class StandPlan:
         Bound asked for that so many stands reach, m/s; only with a bound wanted.
     gage : PlannedGage, optional
         What was planned for, if it is a strain.
+    one_more : OneMore, optional
+        Worth of the new stand after those that were there.
     """
 
     stands: tuple[Stand, ...]
@@ -70,6 +73,7 @@ class StandPlan:
     confidence: float
     by_count: dict[int, float]
     gage: PlannedGage | None = None
+    one_more: OneMore | None = None
 
     @property
     def bounds(self) -> Array:
@@ -109,6 +113,11 @@ class StandPlan:
     def added(self) -> tuple[Stand, ...]:
         """New stands."""
         return self.stands[len(self.stands) - self.new :]
+
+    @property
+    def given(self) -> tuple[Stand, ...]:
+        """Stands that were there already."""
+        return self.stands[: len(self.stands) - self.new]
 
     @property
     def _scale(self) -> float:
@@ -292,15 +301,21 @@ class _Task:
         looks, least = self.found.examined.looks, self.found.least
         chosen = exchange(self.goal, looks, greedy(self.goal, looks, count, begun), begun)
         stands = self.found.examined.take(chosen)
-        stands = move(self.goal, self.thinned, stands, least, begun, self.rng)
-        if self.goal.criterion is PlanCriterion.worst:
+        goal = self.goal
+        stands = move(goal, self.thinned, stands, least, begun, self.rng)
+        if goal.criterion is PlanCriterion.worst:
             result = self.result(self._stands(stands), drop_outs=False)
             factor = result.goal.factor[self.chosen]
             goal = self.goal.with_factor(factor)
             again = exchange(goal, looks, chosen, begun)
             stands = self.found.examined.take(again)
             stands = move(goal, self.thinned, stands, least, begun, self.rng)
-        return self.result(self._stands(stands))
+        if not self.given.stands:
+            return self.result(self._stands(stands))
+        there = np.array([stand.origin for stand in self.given.stands])
+        tried = self.found.examined.and_also(stands)
+        stands, worth = one_more(goal, tried, begun, there, self.place.middle)
+        return replace(self.result(self._stands(stands)), one_more=worth)
 
     def result(self, added: Sequence[Stand], drop_outs: bool = True) -> StandPlan:
         """Compute what the given and the new stands see, and their bounds.

@@ -9,7 +9,7 @@ of `sldvexp.planner.criterion`.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -25,6 +25,8 @@ AT_ONCE, MOST_TRIED = 1000, 40
 ONE_SIDED = 0.5
 #: Part of the nodes from which a limit that costs them counts as forbidding a place.
 HALF = 0.5
+#: Places that are enough to say that a limit allows some.
+SOME = 10
 #: Relative improvement that counts.
 BETTER = 1e-6
 #: Steps of the moves in space: the first and the last, m.
@@ -105,7 +107,7 @@ def examined(place: Place, origins: Array) -> StandExamination:
 
 
 def _none_of(place: Place, origins: Array) -> str:
-    """Say which limit forbids most of some places."""
+    """Say which limit forbids most of some places, and what would allow some."""
     _, rotations = turned_towards(origins, place.to_be_seen, place.laser)
     losses = place.losses(origins, rotations)
     forbids = {reason: lost.mean(axis=1) > HALF for reason, lost in losses.items()}
@@ -113,11 +115,49 @@ def _none_of(place: Place, origins: Array) -> str:
     counts = sorted(((int(out.sum()), reason) for reason, out in forbids.items()), reverse=True)
     (most, first), *others = counts
     more = ", ".join(f"{SETTING_OF[reason]} {times}" for times, reason in others[:2] if times)
-    oblique = first is Unseen.target_incidence and place.room.incidence < OBLIQUE
-    wider = f" (circles are still found at plan.room.incidence={OBLIQUE:g})" if oblique else ""
+    right = list(filter(None, (_behind_structure(place, origins), _wider(place, origins))))
     return (
         f"plan: no stand is feasible: {SETTING_OF[first]} forbids {most} of {len(origins)} places "
-        f"({first.told}){f', {more}' if more else ''}; widen that limit{wider}, or move the object"
+        f"({first.told}){f', {more}' if more else ''}; "
+        f"{'; '.join(right) or 'widen that limit, or move the object'}"
+    )
+
+
+def _behind_structure(place: Place, origins: Array) -> str:
+    """Say which circles the structure hides from the places that nothing else forbids, if any."""
+    found = examined(place, origins)
+    away = origins[found.refused == Unseen.target_behind_structure]
+    if not len(away):
+        return ""
+    hidden = place.marks.hidden_by(place.structure, away).any(axis=0)
+    circles = place.marks.circles
+    names = "too many marks"
+    if circles is not None:
+        numbers = np.array(sorted(circles.circles))[hidden]
+        names = " or ".join(f"circle {number}" for number in numbers)
+    return (
+        f"from {len(away)} more the structure hides {names} of the calibration object: move this "
+        "towards the instrument, or away from the structure"
+    )
+
+
+def _wider(place: Place, origins: Array) -> str:
+    """Say the least incidence that would allow some of the places, if any does."""
+
+    def feasible(incidence: int) -> int:
+        room = replace(place.room, incidence=float(incidence))
+        found = examined(replace(place, room=room), origins)
+        return int(((found.share > 0) & (found.share >= _least(place, found))).sum())
+
+    low, high = int(place.room.incidence), int(OBLIQUE)
+    if low >= high or not (most := feasible(high)):
+        return ""
+    while high - low > 1:
+        middle = (low + high) // 2
+        low, high = (low, middle) if feasible(middle) >= min(SOME, most) else (middle, high)
+    return (
+        f"with plan.room.incidence={high} {feasible(high)} of them are feasible (circles are found "
+        f"up to {OBLIQUE:g} deg)"
     )
 
 

@@ -11,8 +11,10 @@ from sldvexp.config.planning import ForbiddenBox
 from sldvexp.errors import UserError
 from sldvexp.geometry import rotation_towards
 from sldvexp.laser import TwoMirror, project
-from sldvexp.planner.place import Place, TargetMarks, Unseen, crosses, hides_itself, of_search
+from sldvexp.planner.marks import TargetMarks
+from sldvexp.planner.place import Place, Unseen, hides_itself, of_search
 from sldvexp.planner.search import candidates, examined
+from sldvexp.planner.structure import crosses
 from sldvexp.planner.turning import turned_towards
 from sldvexp.targets import Circle, Circles, Plane, shaded_circles
 from sldvexp.volume import Grid, Prisms, TriangulatedSurface, extruded, vertex_normals
@@ -65,7 +67,7 @@ def test_ways_cross_a_box_where_a_point_of_them_is_inside():
     origins, points = rng.uniform(-2, 2, (40, 3)), rng.uniform(-2, 2, (30, 3))
     box = ForbiddenBox([-0.5, -0.8, 0.1], [0.4, 0.9, 0.7])
     part = np.linspace(0, 1, 4001)[:, None]
-    for origin, told in zip(origins, crosses(origins, points, box), strict=True):
+    for origin, told in zip(origins, crosses(origins, points, box.low, box.high), strict=True):
         for point, one in zip(points, told, strict=True):
             way = origin + part * (point - origin)
             inside = ((way > box.low) & (way < box.high)).all(axis=1)

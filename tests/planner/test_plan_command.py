@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 import yaml
 
+from sldvexp.planner.files import as_pose
+from sldvexp.planner.images import Stand
 from tests.planner.planned_experiments import SMALL
 
 QUICK = (*SMALL, "scan.structure.pixels=[17,21]")
@@ -70,6 +72,12 @@ def test_the_planned_poses_can_be_taken_instead_of_being_found(planned, sldvexp)
     assert done.status == 0
     pose = yaml.safe_load(done.out)["pose"]
     assert pose["views"]["1"]["look_at"]
+
+
+def test_a_zero_is_written_without_a_sign():
+    zero = np.array([-0.00001, -0.0, 1.0])
+    stand = Stand("1", zero, zero, np.eye(3), np.zeros((4, 2), int), np.zeros((0, 2), int))
+    assert str(as_pose(stand)) == "{'origin': [0.0, 0.0, 1.0], 'look_at': [0.0, 0.0, 1.0]}"
 
 
 #: Rough poses that predict circles and region.
@@ -247,6 +255,10 @@ REFUSED = [
     ("plan.wanted=0", "plan.wanted must be a positive number, not 0"),
     ("plan.room.distance=[2,1]", "plan.room.distance must be a nearest and a larger farthest"),
     ("plan.room.incidence=95", "plan.room.incidence must lie between 0 and 90 deg, not 95"),
+    (
+        "plan.room.incidence=1.05",
+        "plan.room.incidence is in deg, and 1.05 deg leaves no stand: 60.2 if rad are meant",
+    ),
     ("plan.room.mirrors=2", "plan.room.mirrors must be above 0 and at most 1, not 2"),
     ("plan.room.low=[0,0]", "plan.room.low must be three numbers or null, not 2"),
     ("plan.rooms=1", "plan.rooms is not a known setting; did you mean room?"),

@@ -1,0 +1,51 @@
+"""Corners in DAC steps that the scan has of given stands: those of another object do not count."""
+
+from __future__ import annotations
+
+import pytest
+
+from sldvexp import planner
+from sldvexp.geometry import KnownPose
+from sldvexp.planner.done import boxes_told
+from sldvexp.planner.files import as_pose
+from sldvexp.scan.rectangle import Rectangle, ScanRegion
+from tests.planner.planned_experiments import SMALL, composed
+
+#: A plate that is larger than the experiment's, and elsewhere.
+OTHER = (*SMALL, "volume.center=[0.55,0.10,0]", "volume.size=[0.46,0.32]", "plan.drop_out=0")
+
+
+@pytest.mark.whole
+def test_stands_that_were_planned_have_the_same_bounds_when_they_are_given():
+    """Though the experiment's own views have the same names, and corners of its own plate."""
+    planned = planner.plan(composed("experiment=plate", *OTHER, "plan.stands=4"))
+    views = {stand.name: as_pose(stand) for stand in planned.stands}
+    assert list(views) == ["1", "2", "3", "4"]
+    poses = f"pose.views={views}".replace("'", "")
+    e = composed("experiment=plate", *OTHER, "pose=given", poses)
+    given = planner.check_stands(e)
+    assert given.undetermined == 0
+    assert given.asked == pytest.approx(planned.asked, rel=0.02)
+    told = list(boxes_told(given.given, given.place, e))
+    assert [line.partition(":")[0] for line in told] == [f"stand {name}" for name in views]
+    assert "scan.structure.views.1 gives corners in DAC steps that hold " in told[0]
+
+
+def test_corners_of_the_stand_itself_count():
+    e = composed("experiment=plate", *SMALL)
+    given = planner.check_stands(e)
+    assert list(boxes_told(given.given, given.place, e)) == []
+    assert given.expected.std.shape[0] == len(given.place.nodes)
+
+
+def test_rough_poses_of_a_scan_of_images_alone_have_no_corners_in_steps():
+    e = composed("experiment=plate", *SMALL)
+    views = {
+        name: ScanRegion(pose=KnownPose(origin=place, look_at=[0.42, 0.14, 0.0]))
+        for name, place in (("a", [0.9, 0.1, 1.3]), ("b", [-0.5, 0.2, 1.3]), ("c", [0, -0.7, 1.4]))
+    }
+    corners = [[0.28, 0.02, 0], [0.56, 0.02, 0], [0.56, 0.26, 0], [0.28, 0.26, 0]]
+    e.scan = Rectangle(views=views, pixels=[9, 11], corners_at=corners)
+    given = planner.check_stands(e)
+    assert [stand.name for stand in given.stands] == ["a", "b", "c"]
+    assert given.undetermined == 0
