@@ -31,7 +31,7 @@ CHOSEN = 2.0
 POINTS = 1.1
 #: Yardsticks of the default run, and its memory, MB. Half of it is the field.
 SESSION = {"contravariant": 7.0, "samplewise": 7.5}
-MEMORY = 1000
+MEMORY = 600
 ROUNDS = 5
 
 IMPORTS = "import xarray, netCDF4, hydra, rich.progress, scipy.optimize"
