@@ -242,7 +242,8 @@ class NormalEquations:
     @cached_property
     def eigenvalues(self) -> Array:
         """Eigenvalues of `dense`, ascending."""
-        return np.linalg.eigvalsh(self.dense)
+        values: Array = np.linalg.eigvalsh(self.dense).astype(float)
+        return values
 
     @property
     def is_singular(self) -> bool:
