@@ -28,7 +28,7 @@ RUNS = 40
 NOTHING = ("~experiment", "target=dissertation", "report=none")
 OF_HYDRA = 1.5
 MANY, MS_OF_MANY = 1000, 10.0
-SHARED = 3.0
+SHARED = 4.0
 PARALLEL = 1.7
 
 #: Times, from one end of a run to the next, within one process.

@@ -33,8 +33,7 @@ def condition_numbers(system: NormalEquations, solve: Solve) -> tuple[float, flo
     if system.exact:
         inverse = KroneckerInverse.from_system(system).surface.solve
         inverse_line = np.linalg.inv(system.line).astype(float)
-        values = np.linalg.eigvalsh(system.line).astype(float, copy=False)
-        line = _of_dense(values, system.line, inverse_line)
+        line = _of_dense(np.linalg.eigvalsh(system.line).astype(float), system.line, inverse_line)
         surface = _of_operators(lambda x: system.surface @ x, inverse, system.surface.shape[0])
         return line[0] * surface[0], line[1] * surface[1]
 

@@ -242,7 +242,7 @@ class NormalEquations:
     @cached_property
     def eigenvalues(self) -> Array:
         """Eigenvalues of `dense`, ascending."""
-        values: Array = np.linalg.eigvalsh(self.dense).astype(float, copy=False)
+        values: Array = np.linalg.eigvalsh(self.dense).astype(float)
         return values
 
     @property

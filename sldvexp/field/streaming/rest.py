@@ -6,6 +6,7 @@ Before the lines are combined, as `sldvexp.field.visibility.background` does wit
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,9 +52,9 @@ def tell_rest(
         name = f"image/{view.name}"
         rests = np.asarray(view.flags) & ~told[name]["flags"].values
         flags = tree[name]["flags"]
-        of_lines = {n: told[name][n] for n in RESTS}
-        changed = {"flags": flags.copy(data=flags.values | rests), **of_lines}
-        found[name] = tree[name].assign(changed)
+        of_lines: dict[str, Any] = {n: told[name][n] for n in RESTS}
+        of_lines["flags"] = flags.copy(data=flags.values | rests)
+        found[name] = tree[name].assign(of_lines)
     return found
 
 

@@ -92,7 +92,7 @@ class VolumeVisibility:
     _whole: SampleVisibility | None = field(init=False, repr=False, default=None)
     _errors: list[scipy.sparse.csr_array] | None = field(init=False, repr=False, default=None)
     #: What fits of these views by several methods and solvers have in common; None to keep nothing.
-    common: dict[tuple[Any, ...], Any] | None = field(init=False, repr=False, default=None)
+    common: dict[tuple[Hashable, ...], Any] | None = field(init=False, repr=False, default=None)
 
     @classmethod
     def from_volume(
