@@ -1,9 +1,9 @@
 """Kernels of bounds, compiled by the optional package numba where that pays.
 
-``pip install 'sldvexp[fast]'`` brings it. To import it takes half a second of a processor, and to
-compile takes some seconds the first time; what is compiled is kept in the user's cache. So it is
-used for large fields alone, and whether one is large is told by its samples: the same field is
-computed in the same way, whatever was computed before it.
+``pip install 'sldvexp[fast]'`` brings it. To import it takes 0.2 s of a processor, and to compile
+some ten seconds the first time; what is compiled is kept in the user's cache. So it is used for
+large fields alone, and whether one is large is told by its samples: the same field is computed in
+the same way, whatever was computed before it.
 """
 
 from __future__ import annotations
