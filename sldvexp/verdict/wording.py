@@ -363,12 +363,12 @@ def sentence(names: Sequence[str], of: Explanation) -> str:
             )
         case "own_noise" if of.noise < 1:
             return (
-                f"{view} lies only {of.noise:.2g} times its stated noise off what the others "
+                f"{view} lies only {of.noise:.3g} times its stated noise off what the others "
                 "predict: is the noise of its pixels stated too large?"
             )
         case "own_noise":
             return (
-                f"{view} lies {of.noise:.2g} times its stated noise off what the others predict, "
+                f"{view} lies {of.noise:.3g} times its stated noise off what the others predict, "
                 "in no pattern: is its noise larger, are its pixels or lines in another order, or "
                 "are its largest values cut off?"
             )
