@@ -8,6 +8,7 @@ from sldvexp import planner
 from sldvexp.geometry import KnownPose
 from sldvexp.planner.done import boxes_told
 from sldvexp.planner.files import as_pose
+from sldvexp.pose.given import Given
 from sldvexp.scan.rectangle import Rectangle, ScanRegion
 from tests.planner.planned_experiments import SMALL, composed
 
@@ -19,10 +20,10 @@ OTHER = (*SMALL, "volume.center=[0.55,0.10,0]", "volume.size=[0.46,0.32]", "plan
 def test_stands_that_were_planned_have_the_same_bounds_when_they_are_given():
     """Though the experiment's own views have the same names, and corners of its own plate."""
     planned = planner.plan(composed("experiment=plate", *OTHER, "plan.stands=4"))
-    views = {stand.name: as_pose(stand) for stand in planned.stands}
+    views = {stand.name: KnownPose(**as_pose(stand)) for stand in planned.stands}
     assert list(views) == ["1", "2", "3", "4"]
-    poses = f"pose.views={views}".replace("'", "")
-    e = composed("experiment=plate", *OTHER, "pose=given", poses)
+    e = composed("experiment=plate", *OTHER)
+    e.pose = Given(views=views)
     given = planner.check_stands(e)
     assert given.undetermined == 0
     assert given.asked == pytest.approx(planned.asked, rel=0.02)
