@@ -22,7 +22,7 @@ from sldvexp.plot.circle_edges import circle_numbers
 from sldvexp.plot.paper import broken
 from sldvexp.plot.selection import one_of, plugin, require, settings
 from sldvexp.scan.calibration import EdgeMethod
-from sldvexp.session.circles import PLACE
+from sldvexp.session.circles import fine_edges
 
 #: Kinds of scan lines, and how many edges each of their lines crosses.
 KINDS = {"coarse": 2, "fine": 1}
@@ -186,10 +186,13 @@ def _take(run: RunData, view: str, circle: str, kind: str) -> Taken:
     )
     scan = _scan_settings(run)
     window = int(scan[kind]["window"])
-    place = PLACE[EdgeMethod[scan["edge"]]] if kind == "fine" else gradient_edges
+    if kind == "fine":
+        edges = fine_edges(lines, EdgeMethod[scan["edge"]], window)
+    else:
+        edges = gradient_edges(lines, KINDS[kind], window)
     filtered = scipy.ndimage.median_filter(lines.filled(), size=(1, window), mode="mirror")
     gradient = np.gradient(filtered, axis=1) / lines.pitch[:, None]
-    return Taken(lines, filtered, gradient, place(lines, KINDS[kind], window), window)
+    return Taken(lines, filtered, gradient, edges, window)
 
 
 def _image(run: RunData, view: str, name: str) -> tuple[Any, np.ndarray]:
