@@ -6,7 +6,7 @@ and fields without one of the views, do not project its samples again.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from copy import copy
 from dataclasses import dataclass, field, replace
 from typing import Any, Self
