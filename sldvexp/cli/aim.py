@@ -114,11 +114,7 @@ def run(words: list[str], config_dir: str | None) -> int:
     for word in words:
         name, equals, value = word.partition("=")
         asked[name].append(value) if equals and name in WORDS else rest.append(word)
-        if (
-            name.isidentifier()
-            and name not in WORDS
-            and re.fullmatch(r"[-+.,\d]*,[-+.,\d]*", value)
-        ):
+        if name.isidentifier() and name not in WORDS and NUMBERS.fullmatch(value):
             told = nearest(name, WORDS)
             raise UserError(f"command line: aim takes no {word}; {told} (at= is a point, m)")
     unit = LengthUnit.m

@@ -134,7 +134,13 @@ class SchemaTable:
 
     @contextmanager
     def of_classes(self) -> Iterator[None]:
-        """Let OmegaConf take the fields of stand-ins from here; it asks the class itself."""
+        """Let OmegaConf take the fields of stand-ins from here; it asks the class itself.
+
+        Raises
+        ------
+        LookupError
+            If this version of OmegaConf has another way.
+        """
 
         def data_of(of: Any, allow_objects: bool | None = None) -> Any:
             if not isinstance(of, type) or not issubclass(of, StandIn):
@@ -142,6 +148,8 @@ class SchemaTable:
             return self.read(_entry_of(of), lambda: _usual(_loaded(of), allow_objects))
 
         modules: tuple[Any, ...] = (basecontainer, dictconfig)
+        if _usual is None or not all(hasattr(m, _usual.__name__) for m in modules):
+            raise LookupError("this OmegaConf asks for the fields of a class in another way")
         try:
             for module in modules:
                 module.get_structured_config_data = data_of
@@ -151,8 +159,8 @@ class SchemaTable:
                 module.get_structured_config_data = _usual
 
 
-#: What gives OmegaConf the fields of a class.
-_usual = dictconfig.get_structured_config_data
+#: What gives OmegaConf the fields of a class; it is no part of what OmegaConf promises.
+_usual: Any = getattr(dictconfig, "get_structured_config_data", None)
 
 
 def _entry_of(kind: type) -> str:

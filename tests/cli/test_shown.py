@@ -136,3 +136,9 @@ def test_a_new_choice_of_known_plugins_loads_none_of_them(tmp_path):
     page, loaded = modules("reconstruction=relative")
     assert "seed: 0\n" in page
     assert loaded == "[]"
+
+
+def test_another_omegaconf_composes_of_the_classes(monkeypatch):
+    expected = shown(ConfigLoaderImpl, ["experiment=point"])
+    monkeypatch.setattr(schema_table, "_usual", None)
+    assert shown(ShowingLoader, ["experiment=point"]) == expected
