@@ -154,7 +154,7 @@ def advice(experiment: Experiment, groups: Mapping[str, xr.Dataset]) -> Advice:
     if not groups and experiment.volume is not None:
         given = planner.check_stands(experiment)
         reached = f"The stands that are given: {_reached(given)}."
-        beside = planner.done.boxes_told(given.stands, given.place, experiment)
+        beside = planner.done.boxes_told(given.given, given.place, experiment)
         lines = [reached, *(f"{_sentence(line)}." for line in beside), BETTER]
         return Advice(lines, PlanFigure(given))
     if experiment.volume is None or not any(name.startswith("image/") for name in groups):

@@ -330,6 +330,8 @@ def _why(reason: Unseen, place: Place, stand: Stand) -> str:
     told = reason.told
     if reason is Unseen.target_incidence and place.marks.circles is not None:
         told = f"{told}, {_oblique(place, stand, place.marks.circles)}"
+        if place.room.incidence > place.incidence_of_circles:
+            return f"{told} (circles are found up to {place.incidence_of_circles:g} deg)"
     name = SETTING_OF[reason].partition(" ")[0].removeprefix("plan.room.")
     value = getattr(place.room, name, None)
     return told if value is None else f"{told} (plan.room.{name}={value})"

@@ -11,8 +11,9 @@ from sldvexp.errors import UserError
 from sldvexp.laser import TwoMirror
 from sldvexp.planner.circle_limits import around, hidden_told
 from sldvexp.planner.images import stand_at
-from sldvexp.planner.place import Place
-from sldvexp.planner.search import candidates
+from sldvexp.planner.marks import TargetMarks
+from sldvexp.planner.place import Place, Unseen
+from sldvexp.planner.search import candidates, examined
 from sldvexp.targets import Circle, Circles, Plane
 from sldvexp.units import LengthUnit
 from sldvexp.volume import Grid
@@ -55,3 +56,30 @@ def test_circles_that_the_plate_hides_are_told():
     (told,) = hidden_told([stand_at("3", away, behind)], behind)
     assert told.startswith("stand 3: the structure hides circle 6 of the calibration object, or ")
     assert list(hidden_told([stand_at("3", away, before)], before)) == []
+
+
+def test_circles_that_are_turned_away_beyond_where_they_are_found_refuse_a_stand():
+    """Whatever the incidence that the surface allows: here one on the top is seen at 76 deg."""
+    steep, flat = np.array([[0.4, 0.8, 1.6]]), np.array([[0.4, 0.55, 1.7]])
+    wide = place(incidence=85.0)
+    assert max(wide.marks.incidences(flat[0]).values()) > 72
+    assert examined(wide, flat).refused.tolist() == [Unseen.target_incidence]
+    assert max(wide.marks.incidences(steep[0]).values()) < 72
+    assert examined(wide, steep).refused.tolist() == [Unseen.seen]
+
+
+def test_of_single_marks_the_structure_may_hide_all_but_four():
+    plate = place(faces=("front",))
+    x = np.linspace(0.35, 0.65, 5)
+    behind = np.stack([x, np.full(5, 0.075), np.full(5, -0.1)], axis=1)
+    beside = behind + np.array([0.0, 0.5, 0.0])
+    origin = np.array([[0.5, 0.075, 2.0]])
+    for free, refused in ((5, False), (4, False), (3, True)):
+        position = np.concatenate([beside[:free], behind[free:]])
+        marks = TargetMarks(position, np.zeros_like(position), np.zeros((0, 3)))
+        hidden = marks.hidden_by(plate.structure, origin)
+        assert (~hidden).sum() == free
+        assert marks.too_few(hidden).tolist() == [refused]
+    on_it = behind + np.array([0.0, 0.0, 0.1])
+    marks = TargetMarks(on_it, np.zeros_like(on_it), np.zeros((0, 3)))
+    assert not marks.hidden_by(plate.structure, origin).any()
