@@ -62,7 +62,7 @@ VARIABLES: dict[str, dict[str, Variable]] = {
         "dac_std": _V("edge", "1", f"its standard error along the scan line, {DAC}", DAC),
         "direction": _V("edge mirror", "1", "unit vector along the scan line"),
         "width": _V("edge", "1", f"width of the edge's profile along the scan line, {DAC}", DAC),
-        "reach": _V("edge", "1", f"how far the pixels that place the edge reach, {DAC}", DAC),
+        "reach": _V("edge side", "1", f"how far back and on pixels place the edge, {DAC}", DAC),
         "phase": _V("edge", "rad", "phase of the motion on the scan line", "deg"),
         "circle": _V("edge", "1", "which rough centre the line belongs to"),
     },

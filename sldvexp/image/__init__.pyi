@@ -9,4 +9,5 @@ from .pinhole import pinhole_edges as pinhole_edges
 from .pinhole import pinhole_from_dac as pinhole_from_dac
 from .scan_lines import ScanLineEdges as ScanLineEdges
 from .scan_lines import ScanLines as ScanLines
+from .uneven_motion import even_edges as even_edges
 from .uneven_motion import even_motion as even_motion

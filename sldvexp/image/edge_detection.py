@@ -187,8 +187,15 @@ def _edges(
         rejected=tuple(zip(found.line[~good].tolist(), reason[~good].tolist(), strict=True)),
         lines=len(lines.magnitude),
         name=lines.name,
-        reach=(found.inside[good] - 1) / 2.0 * lines.pitch[line],
+        reach=_reach(lines, found, edge, good),
     )
+
+
+def _reach(lines: ScanLines, found: Candidates, edge: Array, good: BoolArray) -> Array:
+    """Measure how far the pixels are looked at, back from the edges and on."""
+    around = found.around[good]
+    first, last = (lines.along[found.line[good], around[:, k]] for k in (0, -1))
+    return np.stack([edge[good] - first, last - edge[good]], axis=-1)
 
 
 #: Pixels on each side of an edge that are looked at: as many as a fine line has.

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 
 from sldvexp.errors import UserError
 from sldvexp.geometry import BitangentPoints, ConicFit, fit_ellipse
-from sldvexp.geometry.conic import signed_distance
+from sldvexp.geometry.conic import shape_matrix, signed_distance
 from sldvexp.image.scan_lines import ScanLineEdges
 from sldvexp.image.spot import seen_edges, spot_of_widths
 from sldvexp.laser import MIRRORS, TwoMirror
@@ -26,6 +26,11 @@ from sldvexp.typing import Array
 
 #: Rounds in which ellipse and spot settle, and how closely, relative to an edge's error.
 ROUNDS, SETTLED = 12, 0.02
+#: Widest spot, over the smaller semi-axis, whose edges are where they are computed to be; wider
+#: ones see the opposite edge, and lines end before their motion is even.
+WIDEST = 0.37
+#: By how much wider ones err, in widths: standard deviation of an ellipse's smaller semi-axis.
+ERRING = 0.2
 
 
 def pinhole_from_dac(laser: TwoMirror, dac: ArrayLike) -> Array:
@@ -116,7 +121,7 @@ def pinhole_edges(laser: TwoMirror, edges: ScanLineEdges) -> ScanLineEdges:
         std=edges.std * stretch,
         direction=along / stretch[:, None],
         width=edges.width * stretch,
-        reach=None if edges.reach is None else edges.reach * stretch,
+        reach=None if edges.reach is None else edges.reach * stretch[:, None],
     )
 
 
@@ -132,7 +137,7 @@ def dac_edges(laser: TwoMirror, edges: ScanLineEdges) -> ScanLineEdges:
         std=edges.std * stretch,
         direction=along / stretch[:, None],
         width=edges.width * stretch,
-        reach=None if edges.reach is None else edges.reach * stretch,
+        reach=None if edges.reach is None else edges.reach * stretch[:, None],
     )
 
 
@@ -153,7 +158,9 @@ def fit_circle(edges: ScanLineEdges, method: str = "likelihood") -> tuple[ConicF
     ellipse and the spot, which fit and widths tell: in turns the edges are moved out by as much,
     and fitted again, until both stay. A spot that is wider than a third of the smaller semi-axis
     looks over the circle and beyond, so that this does not settle; it stops where it settles best,
-    and what is then still open counts as an error of the edges.
+    and what is then still open counts as an error of the edges. From `WIDEST` on the ellipse is
+    wrong wherever it settles: edges err together then, and are given errors of their own that make
+    those of the ellipse as large.
 
     Parameters
     ----------
@@ -187,32 +194,58 @@ def fit_circle(edges: ScanLineEdges, method: str = "likelihood") -> tuple[ConicF
     array([0.02, 0.02])
     """
     try:
-        fit, moved = _fit(edges, method), edges
-        if not np.median(edges.width) > 0:
-            return fit, edges
-        inward, widening = np.zeros_like(edges.width), np.ones_like(edges.width)
-        last = np.inf
-        for _ in range(ROUNDS):
-            before = inward
-            inward, widening, normal = _inward(moved, edges.width / widening, fit)
-            change = np.abs(inward - before)
-            most = float(np.max(change / edges.std))
-            if most > last:
-                open_ = replace(moved, std=np.hypot(edges.std, change))
-                return _fit(open_, method), open_
-            moved = replace(edges, position=edges.position + inward[:, None] * normal)
-            fit, last = _fit(moved, method), most
-            # The next change is about this one times by how much the profile is not a straight
-            # edge's: for a sharp spot one round is enough.
-            if most * np.abs(widening - 1.0).max() <= SETTLED:
-                break
+        fit, moved = _freed(edges, method)
+        if blur(fit, moved) > WIDEST:
+            error = ERRING * blur(fit, moved) * fit.ellipse.semi_axes.min()
+            wider = max(error / fit.ellipse.semi_axes_std[-1], 1.0)
+            moved = replace(moved, std=wider * moved.std)
+            spread = replace(fit.ellipse, covariance=wider**2 * fit.ellipse.covariance)
+            fit = replace(fit, ellipse=spread, residual_std=wider * fit.residual_std)
         return fit, moved
     except UserError as error:
         raise UserError(f"{error} (seen: {edges.summary()})") from None
 
 
-def _inward(edges: ScanLineEdges, width: Array, fit: ConicFit) -> tuple[Array, Array, Array]:
-    """Find how far inside of the ellipse the spot sees its edges.
+def blur(fit: ConicFit, edges: ScanLineEdges) -> float:
+    """Compare the width of edges with the smaller semi-axis of their ellipse."""
+    _, normal = signed_distance(edges.position, fit.ellipse.parameters)
+    across = edges.width * np.abs((normal * edges.direction).sum(axis=-1))
+    return float(np.median(across) / fit.ellipse.semi_axes.min())
+
+
+def _freed(edges: ScanLineEdges, method: str) -> tuple[ConicFit, ScanLineEdges]:
+    """Fit, and move the edges, in turns until both stay."""
+    fit, moved = _fit(edges, method), edges
+    if not np.median(edges.width) > 0:
+        return fit, edges
+    offset, widening = np.zeros_like(edges.width), np.ones_like(edges.width)
+    last = np.inf
+    for _ in range(ROUNDS):
+        before = offset
+        offset, widening = _seen(moved, edges.width / widening, fit)
+        change = np.abs(offset - before)
+        most = float(np.max(change / edges.std))
+        if most > last:
+            open_ = replace(moved, std=np.hypot(edges.std, change))
+            return _fit(open_, method), open_
+        moved = _moved(edges, -offset)
+        fit, last = _fit(moved, method), most
+        # The next change is about this one times by how much the profile is not a straight
+        # edge's: for a sharp spot one round is enough.
+        if most * np.abs(widening - 1.0).max() <= SETTLED:
+            break
+    return fit, moved
+
+
+def _moved(edges: ScanLineEdges, by: Array) -> ScanLineEdges:
+    """Move edges along their scan lines, but not the pixels that place them."""
+    position = edges.position + by[:, None] * edges.direction
+    reach = None if edges.reach is None else edges.reach + by[:, None] * [1.0, -1.0]
+    return replace(edges, position=position, reach=reach)
+
+
+def _seen(edges: ScanLineEdges, width: Array, fit: ConicFit) -> tuple[Array, Array]:
+    """Find where the spot sees the edges of the ellipse on the scan lines.
 
     Parameters
     ----------
@@ -221,18 +254,25 @@ def _inward(edges: ScanLineEdges, width: Array, fit: ConicFit) -> tuple[Array, A
 
     Returns
     -------
-    inward, widening : ndarray, shape (n,)
-        Along the normal; width as it is seen over that of a straight edge.
-    normal : ndarray, shape (n, 2)
+    offset, widening : ndarray, shape (n,)
+        From the ellipse along the line; width as it is seen over that of a straight edge.
     """
     numbers = fit.ellipse.parameters
-    distance, normal = signed_distance(edges.position, numbers)
+    _, normal = signed_distance(edges.position, numbers)
     cosine = np.abs((normal * edges.direction).sum(axis=-1))
     spot = spot_of_widths(width * cosine, edges.std * cosine, normal)
-    place = edges.position - distance[:, None] * normal
-    offset, widening = seen_edges(numbers, spot, place, edges.direction, edges.reach)
-    seen, _ = signed_distance(place + offset[:, None] * edges.direction, numbers)
-    return -seen, widening, normal
+    crossing = _moved(edges, _to_ellipse(edges, numbers))
+    return seen_edges(numbers, spot, crossing.position, edges.direction, crossing.reach)
+
+
+def _to_ellipse(edges: ScanLineEdges, numbers: Array) -> Array:
+    """Find how far ahead the scan lines cross the ellipse, or come nearest to it, shape (n,)."""
+    to_disc = np.linalg.inv(np.linalg.cholesky(shape_matrix(numbers))).T
+    at, ahead = (edges.position - numbers[:2]) @ to_disc, edges.direction @ to_disc
+    square = (ahead**2).sum(axis=-1)
+    nearest = -(at * ahead).sum(axis=-1) / square
+    half = np.sqrt(np.maximum(nearest**2 - ((at**2).sum(axis=-1) - 1.0) / square, 0.0))
+    return np.where(nearest > 0, nearest - half, nearest + half)
 
 
 def _fit(edges: ScanLineEdges, method: str) -> ConicFit:

@@ -204,8 +204,8 @@ class ScanLineEdges:
     lines : int
         How many lines were looked at.
     name : str
-    reach : ndarray, shape (n,), steps, optional
-        How far on both sides, along the scan line, the pixels are that place an edge.
+    reach : ndarray, shape (n, 2), steps, optional
+        How far the pixels that place an edge go, from it back along the line and on.
     """
 
     position: Array

@@ -32,6 +32,9 @@ PIXELS, NODES = 17, 32
 #: How far from an edge pixels can matter, and how far they are taken to be where nobody knows, in
 #: widths of a straight edge.
 FARTHEST, USUAL = 5.0, 3.0
+#: How far from its place an edge is seen at most, in widths, and by what factor wider; where k w is
+#: 2 it is half of one and 1.7.
+MOST_ASIDE, WIDENED = 1.0, 2.0
 #: By how much a beam is out of round, relative: standard deviation of what pinhole coordinates
 #: and a mirror offset make of a round one.
 ROUND = 0.2
@@ -68,9 +71,10 @@ def seen_edges(
         On the ellipse, where scan lines cross it.
     direction : ndarray, shape (n, 2)
         Unit vectors of the scan lines.
-    reach : ndarray, shape (n,), optional
-        How far the pixels are that place the edge; NaN if it is not known. Of a profile that is not
-        quite one of a straight edge those that are farther pull the edge elsewhere.
+    reach : ndarray, shape (n, 2), optional
+        How far the pixels that place the edge go, back from its place and on; NaN if it is not
+        known. Of a profile that is not quite one of a straight edge those that are farther pull the
+        edge elsewhere.
 
     Returns
     -------
@@ -84,15 +88,18 @@ def seen_edges(
     across = np.sqrt(np.einsum("ni,ij,nj->n", normal, covariance, normal))
     width = across / np.maximum(np.abs((normal * direction).sum(axis=-1)), GRAZING)
 
-    far = np.full_like(width, np.nan) if reach is None else reach / width
+    far = np.full((len(width), 2), np.nan) if reach is None else reach / width[:, None]
     far = np.clip(np.where(np.isfinite(far), far, USUAL), 1.0, FARTHEST)
-    along = np.linspace(-1.0, 1.0, PIXELS) * (far * width)[:, None]
+    back, on = (far * width[:, None]).T
+    along = np.linspace(-back, on, PIXELS, axis=-1)
     points = place[:, None] + along[..., None] * direction[:, None]
     seen = part_of_disc((points - parameters[:2]) @ to_disc.T, light, NODES)
     start = np.stack([np.zeros_like(width), np.log(width), seen[:, 0], seen[:, -1]], axis=-1)
     pitch = along[:, 1] - along[:, 0]
     found = fit_profiles(along, seen, seen, np.ones_like(seen), start, pitch)
-    return found.edge, found.width / width
+    # Of a line that hardly crosses the ellipse no profile tells where.
+    offset = np.clip(found.edge, -MOST_ASIDE * width, MOST_ASIDE * width)
+    return offset, np.clip(found.width / width, 1.0 / WIDENED, WIDENED)
 
 
 def spot_of_widths(width: Array, std: Array, normal: Array) -> Array:

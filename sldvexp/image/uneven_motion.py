@@ -17,6 +17,7 @@ of one that is uneven itself, as long as it is not uneven in the same way toward
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -28,10 +29,31 @@ from sldvexp.typing import Array
 #: By how much the motion differs between middle and edge, relative: its standard deviation where
 #: edges on one side only do not tell it, and the most that is believed.
 USUAL, MOST = 0.1, 0.5
+#: Edges that an uneven motion displaces hide a seventh of how uneven it is, and so on.
+ROUNDS = 2
 #: Pixels farther from the model than this many robust standard deviations do not count.
 REJECT = 4.0
 #: Median of the absolute value of a standard normal variable.
 NORMAL_MEDIAN = 0.6745
+
+
+def even_edges(
+    lines: ScanLines, place: Callable[[ScanLines, int, int], ScanLineEdges], window: int
+) -> ScanLineEdges:
+    """Find the edge on each line across a circle's, as of a circle that moves evenly.
+
+    Parameters
+    ----------
+    place : callable
+        A function of `sldvexp.image.edge_detection`.
+    window : int
+        Of the median filter, pixels.
+    """
+    found = place(lines, 1, window)
+    for _ in range(ROUNDS):
+        lines = even_motion(lines, found)
+        found = place(lines, 1, window)
+    return found
 
 
 def even_motion(lines: ScanLines, edges: ScanLineEdges) -> ScanLines:

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from sldvexp.dataset import VARIABLES, RunData, Source
 from sldvexp.errors import UserError
-from sldvexp.image import ScanLineEdges, ScanLines, gradient_edges
+from sldvexp.image import ScanLineEdges, ScanLines, even_edges, gradient_edges
 from sldvexp.instrument import RawSamples, Status
 from sldvexp.instrument.recording import JOURNAL, read_line
 from sldvexp.lazy import scipy
@@ -22,7 +22,7 @@ from sldvexp.plot.circle_edges import circle_numbers
 from sldvexp.plot.paper import broken
 from sldvexp.plot.selection import one_of, plugin, require, settings
 from sldvexp.scan.calibration import EdgeMethod
-from sldvexp.session.circles import fine_edges
+from sldvexp.session.circles import PLACE
 
 #: Kinds of scan lines, and how many edges each of their lines crosses.
 KINDS = {"coarse": 2, "fine": 1}
@@ -187,7 +187,7 @@ def _take(run: RunData, view: str, circle: str, kind: str) -> Taken:
     scan = _scan_settings(run)
     window = int(scan[kind]["window"])
     if kind == "fine":
-        edges = fine_edges(lines, EdgeMethod[scan["edge"]], window)
+        edges = even_edges(lines, PLACE[EdgeMethod[scan["edge"]]], window)
     else:
         edges = gradient_edges(lines, KINDS[kind], window)
     filtered = scipy.ndimage.median_filter(lines.filled(), size=(1, window), mode="mirror")

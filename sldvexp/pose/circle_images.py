@@ -18,7 +18,7 @@ from sldvexp.errors import UserError
 from sldvexp.geometry import BitangentPoints, Ellipse
 from sldvexp.image import ScanLineEdges, fit_circle
 from sldvexp.image.matching import Match, bitangent_images, match_circles
-from sldvexp.image.pinhole import dac_bitangents, dac_edges
+from sldvexp.image.pinhole import blur, dac_bitangents, dac_edges
 from sldvexp.io.registration import RegistrationTable
 from sldvexp.laser import TwoMirror
 from sldvexp.pose.correlated_errors import Errors, with_errors
@@ -46,6 +46,8 @@ class CircleImages:
         Noise of the mirrors, in the order of the ellipses that `match` has.
     ellipses : dict of int to Ellipse
         The conics by the circle's number, in the coordinates in which they were fitted.
+    blur : dict of int to float
+        Width of the edges over the conic's smaller semi-axis, by the circle's number.
     """
 
     view: str
@@ -54,6 +56,7 @@ class CircleImages:
     match: Match
     pointing: Pointing
     ellipses: dict[int, Ellipse] = field(default_factory=dict)
+    blur: dict[int, float] = field(default_factory=dict)
 
 
 def match_images(
@@ -99,6 +102,7 @@ def match_images(
         match,
         pointing,
         {n: ellipses[k] for n, k in match.ellipse.items()},
+        {n: blur(*fits[k]) for n, k in match.ellipse.items()},
     )
 
 

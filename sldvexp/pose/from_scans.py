@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
 from sldvexp import dataset
 from sldvexp.dataset import WITHOUT_POSE, Finding, Severity
 from sldvexp.errors import UserError
+from sldvexp.image.pinhole import WIDEST
 from sldvexp.laser import TwoMirror
 from sldvexp.lazy import xarray as xr
 from sldvexp.pose.circle_images import CircleImages, match_images, registration_table
@@ -109,7 +110,8 @@ class FromScans(FromPoints):
         """Say what the edges of all views tell about the mirrors and the circles."""
         own = [f for i in images for f in pointing_findings(i.view, i.pointing, i.match.ellipse)]
         lost = [f for i in images for f in lost_edges(i.view, tree[f"edge/{i.view}"])]
-        return [*mirror_findings({i.view: i.pointing for i in images}, laser), *own, *lost]
+        wide = [f for i in images for f in too_wide(i.view, i.blur)]
+        return [*mirror_findings({i.view: i.pointing for i in images}, laser), *own, *lost, *wide]
 
 
 def lost_edges(view: str, group: xr.Dataset) -> list[Finding]:
@@ -138,6 +140,30 @@ def lost_edges(view: str, group: xr.Dataset) -> list[Finding]:
             views=(view,),
         )
     ]
+
+
+def too_wide(view: str, blurs: Mapping[int, float]) -> Iterator[Finding]:
+    """Say on which of a view's circles the spot is too wide to tell where their edges are.
+
+    Parameters
+    ----------
+    blurs : mapping of int to float
+        As in `sldvexp.pose.circle_images.CircleImages`.
+    """
+    for number, size in blurs.items():
+        if size > WIDEST:
+            yield Finding(
+                "wide_spot",
+                f"circle {number}",
+                f"view {view}: the spot's 1/e^2 radius is {2 * size:.2g} times the smaller "
+                f"semi-axis of the image of circle {number}, where {2 * WIDEST:.2g} is the most "
+                "that tells where its edges are; the bounds are made wider for it, enough up to "
+                "spots as wide as the semi-axis; a larger circle, a beam focused nearer to it or "
+                "a stand that sees it less at a slant would do",
+                Severity.doubtful,
+                size=size,
+                views=(view,),
+            )
 
 
 def with_pointing(pose: xr.Dataset, images: Sequence[CircleImages]) -> xr.Dataset:

@@ -21,7 +21,7 @@ from sldvexp.geometry.conic import principal_axes
 from sldvexp.image import (
     ScanLineEdges,
     ScanLines,
-    even_motion,
+    even_edges,
     fit_circle,
     gradient_edges,
     pixel_edges,
@@ -56,8 +56,6 @@ ENOUGH = 5 / 6
 BEYOND = 2.5
 #: By how much lines may differ that another estimator places, over the length of one.
 SAME = 0.2
-#: Edges that an uneven motion displaces hide a seventh of how uneven it is, and so on.
-EVEN_ROUNDS = 2
 PLACE = {
     EdgeMethod.pixel: pixel_edges,
     EdgeMethod.gradient: gradient_edges,
@@ -212,7 +210,7 @@ def _edges(
     fine = along_ellipse(look.ellipse.centre, axes, stage.lines, stage.pixels, look.finer)
     dac = _placed(camera, key, _on_board(fine, laser))
     image = camera.image(key, list(dac))
-    found = fine_edges(_lines(image, dac, name), scan.edge, scan.fine.window)
+    found = even_edges(_lines(image, dac, name), PLACE[scan.edge], scan.fine.window)
     try:
         fit_circle(found)
     except UserError as error:
@@ -220,22 +218,6 @@ def _edges(
         if look.shade:
             raise UserError(f"{look.shade}; {STAND_ELSEWHERE} ({error})") from None
         raise
-    return found
-
-
-def fine_edges(lines: ScanLines, method: EdgeMethod, window: int) -> ScanLineEdges:
-    """Find the edge on each line across a circle's, as of a circle that moves evenly.
-
-    Parameters
-    ----------
-    window : int
-        Of the median filter, pixels.
-    """
-    place = PLACE[method]
-    found = place(lines, 1, window)
-    for _ in range(EVEN_ROUNDS):
-        lines = even_motion(lines, found)
-        found = place(lines, 1, window)
     return found
 
 
@@ -298,7 +280,7 @@ def edges_to_dataset(edges: list[ScanLineEdges]) -> xr.Dataset:
 
 
 def _reach(edges: ScanLineEdges) -> Array:
-    return np.full(len(edges.std), np.nan) if edges.reach is None else edges.reach
+    return np.full((len(edges.std), 2), np.nan) if edges.reach is None else edges.reach
 
 
 def edges_of(group: xr.Dataset) -> list[ScanLineEdges]:

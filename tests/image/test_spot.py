@@ -40,11 +40,16 @@ def light_inside(numbers: np.ndarray, width: float, position: np.ndarray) -> np.
 
 
 def scanned(
-    numbers: np.ndarray, width: float, noise: float, rng: np.random.Generator, lines: int = 44
+    numbers: np.ndarray,
+    width: float,
+    noise: float,
+    rng: np.random.Generator,
+    around: np.ndarray | None = None,
 ) -> ScanLines:
-    """Fine lines of 25 whole steps across the edge, as long as a session lays them."""
+    """Fine lines of 25 whole steps across the edge, or another ellipse, as a session lays them."""
+    lines = 44
     turn = 2 * np.pi * (np.arange(lines) + 0.5) / lines
-    points, normals = conic.boundary(numbers, turn)
+    points, normals = conic.boundary(numbers if around is None else around, turn)
     stride = max(1, int(np.ceil(2.5 * width / 12)))
     ahead = stride * normals / np.abs(normals).max(axis=-1, keepdims=True)
     position = np.round(points[:, None] + (np.arange(25) - 12)[:, None] * ahead[:, None])
@@ -142,6 +147,26 @@ def test_bounds_hold_with_a_wide_spot(tilt: float, part: float) -> None:
 @pytest.mark.parametrize(("tilt", "part"), [(0.0, 0.1), (60.0, 0.3), (60.0, 0.6), (70.0, 0.8)])
 def test_bounds_hold_with_a_wide_spot_in_many_scans(tilt: float, part: float) -> None:
     check(*z_scores(tilt, part, 200))
+
+
+@pytest.mark.whole
+@pytest.mark.parametrize("wide", [0.42, 0.45, 0.5])
+def test_a_spot_too_wide_for_its_circle_has_its_error_in_the_bounds(wide: float) -> None:
+    """As noise makes them, bounds are up to twenty times too small."""
+    scores, _ = z_scores(60.0, 2.0 * wide, 6)
+    assert np.all(np.mean(scores**2, axis=0) < 1.0 + 4.5 * np.sqrt(2.0 / 6))
+
+
+def test_lines_that_lie_beside_the_circle_see_it_where_it_is() -> None:
+    """Lines of rough ellipses cross the edge at an angle and beside their middle."""
+    numbers = ellipse(71.0)
+    true = conic.Ellipse(numbers, np.eye(5))
+    width = 0.9 * true.semi_axes[1] ** 2 / LARGER
+    rough = numbers + np.array([0.0, 0.0, *(0.1 * numbers[2:])])
+    lines = scanned(numbers, width, 0.0, np.random.default_rng(0), around=rough)
+    found = fit_circle(profile_edges(lines, 1, FINE_WINDOW))[0].ellipse
+    assert found.centre == pytest.approx(true.centre, abs=0.1)
+    assert found.semi_axes == pytest.approx(true.semi_axes, abs=0.1)
 
 
 def test_edges_that_are_wrong_are_still_found() -> None:

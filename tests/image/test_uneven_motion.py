@@ -2,20 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.special import ndtr
 
-from sldvexp.image import ScanLines, even_motion, fit_circle
-from sldvexp.scan.calibration import EdgeMethod
-from sldvexp.session.circles import fine_edges
+from sldvexp.image import (
+    ScanLineEdges,
+    ScanLines,
+    even_edges,
+    even_motion,
+    fit_circle,
+    gradient_edges,
+    profile_edges,
+)
 
 RADIUS, SPOT = 800.0, 80.0
 #: Growth of the motion over a radius, as at 70 degrees at 1.5 m over 15 mm.
 GROWTH = np.array([0.01, -0.004])
 WINDOW = 3
+Place = Callable[[ScanLines, int, int], ScanLineEdges]
 
 
 def scanned(growth: np.ndarray, noise: float, seed: int = 0, lines: int = 44) -> ScanLines:
@@ -35,12 +43,12 @@ def scanned(growth: np.ndarray, noise: float, seed: int = 0, lines: int = 44) ->
     )
 
 
-def centre(lines: ScanLines, method: EdgeMethod = EdgeMethod.profile) -> np.ndarray:
-    return fit_circle(fine_edges(lines, method, WINDOW))[0].ellipse.centre
+def centre(lines: ScanLines, method: Place = profile_edges) -> np.ndarray:
+    return fit_circle(even_edges(lines, method, WINDOW))[0].ellipse.centre
 
 
-@pytest.mark.parametrize("method", [EdgeMethod.profile, EdgeMethod.gradient])
-def test_a_motion_that_grows_over_a_circle_does_not_displace_it(method: EdgeMethod) -> None:
+@pytest.mark.parametrize("method", [profile_edges, gradient_edges])
+def test_a_motion_that_grows_over_a_circle_does_not_displace_it(method: Place) -> None:
     """Uncorrected it does by 0.2 steps."""
     even, uneven = (centre(scanned(g, 0.0), method) for g in (0 * GROWTH, GROWTH))
     assert np.abs(uneven - even).max() < 0.01
@@ -48,7 +56,7 @@ def test_a_motion_that_grows_over_a_circle_does_not_displace_it(method: EdgeMeth
 
 def test_an_even_motion_stays_as_it_is() -> None:
     lines = scanned(0 * GROWTH, 0.0)
-    even = even_motion(lines, fine_edges(lines, EdgeMethod.profile, WINDOW))
+    even = even_motion(lines, even_edges(lines, profile_edges, WINDOW))
     assert np.abs(even.magnitude - lines.magnitude).max() < 3e-4 * 3.0
 
 
@@ -64,10 +72,10 @@ def test_pixels_and_edges_that_are_wrong_do_not_tell_the_motion() -> None:
 
 def test_circles_on_which_nothing_moves_stay_as_they_are() -> None:
     lines = scanned(GROWTH, 0.002)
-    edges = fine_edges(lines, EdgeMethod.profile, WINDOW)
+    edges = even_edges(lines, profile_edges, WINDOW)
     still = replace(lines, magnitude=np.zeros_like(lines.magnitude))
     assert np.array_equal(even_motion(still, edges).magnitude, still.magnitude)
-    none = fine_edges(still, EdgeMethod.profile, WINDOW)
+    none = even_edges(still, profile_edges, WINDOW)
     assert even_motion(still, none) is still
 
 
@@ -76,6 +84,6 @@ def test_bounds_of_the_centre_hold() -> None:
     """The growth that noise makes adds next to nothing."""
     scores = []
     for seed in range(60):
-        fit, _ = fit_circle(fine_edges(scanned(GROWTH, 0.005, seed), EdgeMethod.profile, WINDOW))
+        fit, _ = fit_circle(even_edges(scanned(GROWTH, 0.005, seed), profile_edges, WINDOW))
         scores.append(fit.ellipse.centre / np.sqrt(np.diag(fit.ellipse.covariance)[:2]))
     assert np.mean(np.square(scores)) == pytest.approx(1.0, abs=4.5 * np.sqrt(2 / 120))
