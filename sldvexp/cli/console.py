@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import importlib.util
 import io
+import shlex
 import threading
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
@@ -21,6 +22,7 @@ from sldvexp.cli.help import COMMAND_HELP
 from sldvexp.cli.in_process import watched_run
 from sldvexp.config import registry
 from sldvexp.config.experiment import Experiment
+from sldvexp.config.paths import JOURNAL
 from sldvexp.config.planning import PlanCriterion
 from sldvexp.console.afterwards import Advice
 from sldvexp.dataset import RunData
@@ -30,6 +32,7 @@ from sldvexp.lazy import xarray as xr
 from sldvexp.planner import StandPlan
 from sldvexp.session import Operator, Watcher
 from sldvexp.session.interruption import kept_lines
+from sldvexp.session.session import measured_by
 from sldvexp.typing import Array
 
 #: Options of this command with what they take.
@@ -84,6 +87,8 @@ def run(words: list[str], config_dir: str | None, port: str | None = None) -> in
         words = [*begun.settings, *added]
         config_dir = str(folder) if begun.config_dirs else None
     experiment = composed(words, config_dir)
+    if unfinished is not None and added and (unfinished / JOURNAL).is_dir():
+        _require_same_scan(experiment, composed(begun.settings, config_dir), begun, added)
     if experiment.scan is None or not isinstance(experiment.instrument, ScanningPlugin):
         raise UserError(
             "console: needs a scan and an instrument that scans, as experiment=plate or "
@@ -104,6 +109,28 @@ def run(words: list[str], config_dir: str | None, port: str | None = None) -> in
         with suppress(KeyboardInterrupt):
             made.serve()
     return 0
+
+
+def _require_same_scan(
+    experiment: Experiment, before: Experiment, begun: CommandLine, added: Sequence[str]
+) -> None:
+    """Refuse settings beside a run that goes on with which its scan lines would not go.
+
+    Raises
+    ------
+    UserError
+        That gives the command of a console that scans with them.
+    """
+    now, then = measured_by(experiment), measured_by(before)
+    if not (differ := [name for name in now if repr(now[name]) != repr(then[name])]):
+        return
+    folders = [word for folder in begun.config_dirs for word in ("--config-dir", folder)]
+    own = [word for word in begun.settings if not word.startswith("hydra.run.dir=")]
+    raise UserError(
+        f"command line: {shlex.join(added)}: {' and '.join(differ)} would not be as the kept scan "
+        "lines of the run were measured with: begin a fresh console instead, sldvexp console "
+        f"{shlex.join([*folders, *own, *added])}"
+    )
 
 
 def _folder_of(run: Path, begun: CommandLine, given: Path | None) -> Path | None:

@@ -23,6 +23,7 @@ from sldvexp.session.interruption import (
     InterruptedRun,
     UnfinishedError,
     has_lines,
+    kept_lines,
 )
 from sldvexp.session.journal import lines_kept
 from sldvexp.stopping import handlers_kept
@@ -119,7 +120,7 @@ def watched_run(
         told = "\n".join(call.told)
         if call.folder is None or not any(lines_kept(call.folder / JOURNAL).values()):
             raise UserError(told)
-        raise UnfinishedError(told, call.folder)
+        raise UnfinishedError(told, call.folder, kept_lines(call.folder, mend=True))
     assert call.folder is not None  # a call that is refused says so
     return call.folder
 

@@ -41,6 +41,11 @@ AT_REST = {"running": False, "paused": False, "part": 0.0, "facts": {}, "resume"
 AS_BEGUN = "Go on scans what is missing, at the places with which that run was begun"
 #: How a kept scan goes on in the console itself, before the command that does it without.
 HERE = "Go on does that here, or once this console has ended:"
+#: The same of a scan that ends alike again unless something is mended, around that command.
+MENDED = (
+    "what was scanned is kept: once that is mended, Go on does here what {command} does without a "
+    "page; to change a setting of the scan, begin a fresh console with it, without resume"
+)
 #: Runs settings with a watcher and an operator; the run's folder.
 Run = Callable[[Sequence[str], Watcher, Operator], Path]
 
@@ -316,7 +321,9 @@ class Console:
         if isinstance(error, EndedScanError) and not answers:
             parts += [error.not_home]
         if isinstance(error, UnfinishedError | InterruptedRun):
-            parts += [f"{error.kept.told} {HERE} {error.kept.command}"]
+            kept = error.kept
+            mended = MENDED.format(command=kept.command)
+            parts += [mended if kept.mend else f"{kept.told} {HERE} {kept.command}"]
         return "; ".join(part for part in parts if part)
 
     def _answered(self) -> None:

@@ -119,6 +119,14 @@ class AimingGuide(Protocol):
         """Marks with their steps, in the order in which they were taken."""
 
     @property
+    def open(self) -> list[str]:
+        """Marks of which nothing was said, in the order in which they were given."""
+
+    @property
+    def stand(self) -> tuple[Array, Array] | None:
+        """Rotation and origin, m, of the instrument by the marks taken; None if they tell none."""
+
+    @property
     def said(self) -> list[str]:
         """Marks that were taken or cannot be seen, in the order in which that was said."""
 

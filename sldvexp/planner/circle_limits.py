@@ -45,8 +45,9 @@ def oblique_told(place: Place, origins: Array) -> str:
     return (
         f"the circles of the calibration object limit the stands: of {len(origins)} places that "
         f"were tried {now.sum()} see all of them within plan.room.incidence={limit:g} deg, and "
-        f"{then.sum()} within {OBLIQUE:g} deg, at which circles are still found: try "
-        f"plan.room.incidence={OBLIQUE:g}"
+        f"{then.sum()} within {OBLIQUE:g} deg, at which a spot that is small beside the circles "
+        "still finds them (one of a waist of 2 mm needs coarse.lines=9 of the scan of circles, and "
+        f"may miss some all the same): try plan.room.incidence={OBLIQUE:g}"
     )
 
 

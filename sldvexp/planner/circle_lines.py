@@ -21,6 +21,8 @@ from sldvexp.scan.session import Session
 
 #: Half of a line over the half width of a circle, at least: rough centres are beside the middle.
 LEAST = 1.15
+#: Rough centres with numbers that tell the scan how wide circles are seen, at least.
+MARKED = 3
 
 
 def too_short(stands: Sequence[Stand], place: Place, scan: Scan | None) -> Iterator[str]:
@@ -33,7 +35,8 @@ def too_short(stands: Sequence[Stand], place: Place, scan: Scan | None) -> Itera
     key = "scan.calibration" if isinstance(scan, Session) else "scan"
     for stand in stands:
         chords = half_chords_of(stand, place, part.coarse.lines)
-        if stand.name in rough and part.coarse.stride is None:
+        marked = stand.name in part.views and len(part.views[stand.name].circles) >= MARKED
+        if (stand.name in rough or marked) and part.coarse.stride is None:
             continue
         reach = part.strides(place.laser)[0].min() * (part.coarse.pixels // 2)
         wide = chords.max(axis=1)

@@ -224,6 +224,11 @@ class Aiming:
         """The likeliest pose."""
         return next(iter(self.poses), None)
 
+    @property
+    def stand(self) -> tuple[Array, Array] | None:
+        """See `AimingGuide`; of the likeliest pose."""
+        return None if self.pose is None else (self.pose.rotation, self.pose.origin)
+
     def steps_at(self, points: Array) -> tuple[Array, Array]:
         """Give DAC steps of points of the world, and their standard deviations by the pose's.
 

@@ -72,7 +72,8 @@ class CircleLines:
         Of the median filter along the line, pixels.
     stride : int, optional
         DAC steps from one pixel to the next. Without it as many as the circle needs that a rough
-        pose predicts; where only rough centres are given 1, and 8 on a 16-bit board.
+        pose predicts, or that of three rough centres or more with their circles' numbers; where
+        only rough centres are given 1, and 8 on a 16-bit board.
     """
 
     lines: int
@@ -109,7 +110,8 @@ class Centres:
         A legacy file of them (`Scan6pt`), instead.
     circles : list of int
         Numbers of the target's circles at these, in their order, as far as is known: so they are
-        called. Without them a rough centre is called by its steps.
+        called, and three or more tell how wide the circles are seen. Without them a rough centre
+        is called by its steps.
     pose : KnownPose, optional
         Where the instrument roughly stands, instead: it predicts the circles of the group
         ``target``, which are searched from there.
@@ -118,7 +120,7 @@ class Centres:
     dac: list[list[int]] = field(default_factory=list)
     path: str = ""
     pose: KnownPose | None = None
-    # A name changes nothing that is measured: kept lines stay those of the same configuration.
+    # Kept lines stay those of the same configuration, also of a time before there were numbers.
     circles: list[int] = field(default_factory=list, repr=False)
 
 

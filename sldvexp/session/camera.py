@@ -185,6 +185,12 @@ class Camera:
             return [*kept, *lines[len(kept) :]]
         return lines
 
+    def known(self, name: str, count: int) -> list[IntArray | None]:
+        """Give the pixels of lines that are there already, None for each that must be measured."""
+        if recorded := self.recorded(name):
+            return [*recorded[:count], *[None] * (count - len(recorded))]
+        return [self.journal.pixels(line_name(name, place)) for place in range(count)]
+
     @property
     def acquisition(self) -> Acquisition:
         """How pixels are sampled, as was said last."""

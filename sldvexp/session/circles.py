@@ -31,8 +31,9 @@ from sldvexp.image.scan_lines import LEAST_PIXELS
 from sldvexp.laser import TwoMirror
 from sldvexp.lazy import xarray as xr
 from sldvexp.scan.calibration import CalibrationScan, CircleLines, EdgeMethod
-from sldvexp.scan.lines import across, along_ellipse
+from sldvexp.scan.lines import along_ellipse
 from sldvexp.session.camera import Camera, ViewContext, line_name
+from sldvexp.session.marked import coarse_lines, given_circles, on_board
 from sldvexp.session.search import (
     COARSE,
     STAND_ELSEWHERE,
@@ -43,6 +44,7 @@ from sldvexp.session.search import (
 from sldvexp.signal import ComplexImage, instrument_fault
 from sldvexp.signal.instrument_faults import MOST, moving
 from sldvexp.targets import Circles
+from sldvexp.targets.shadows import SPAN
 from sldvexp.typing import Array, IntArray
 
 #: Of fine lines in the journal, behind the number of the circle, as `COARSE` is.
@@ -68,7 +70,7 @@ def scan_calibration(scan: CalibrationScan, at: ViewContext) -> dict[str, xr.Dat
     rough = scan.views[at.view].pose
     at.camera.sample(scan.sampling)
     try:
-        circles = search_circles(scan, at) if rough else _given_circles(scan, at)
+        circles = search_circles(scan, at) if rough else given_circles(scan, at)
     except UserError as error:
         raise UserError(f"scan: in the view {at.view}, {error}") from None
     if isinstance(at.target, Circles) and len(circles) != len(at.target.circles):
@@ -84,27 +86,6 @@ def scan_calibration(scan: CalibrationScan, at: ViewContext) -> dict[str, xr.Dat
         found = np.array([fit_circle(circle)[0].ellipse.centre for circle in edges])
         at.poses[at.view] = corrected_by_circles(found, rough, at)
     return {f"edge/{at.view}": edges_to_dataset(edges)}
-
-
-def _given_circles(scan: CalibrationScan, at: ViewContext) -> list[RoughCircle]:
-    """Take the rough centres that the configuration gives, with their circles' numbers if known.
-
-    Raises
-    ------
-    UserError
-        If the target has no circle of such a number.
-    """
-    centres, numbers = scan.centres(at.view), scan.views[at.view].circles
-    known = at.target.circles if isinstance(at.target, Circles) else {}
-    for number in numbers:
-        if number not in known:
-            raise UserError(
-                f"circles has the number {number}, but the calibration object's are "
-                f"{', '.join(map(str, known))}"
-            )
-    if not numbers:
-        return [*map(RoughCircle, centres)]
-    return [RoughCircle(*both) for both in zip(centres, numbers, strict=True)]
 
 
 def circle_lines(scan: CalibrationScan, view: str) -> dict[str, int]:
@@ -164,14 +145,12 @@ def _look(
     camera: Camera, scan: CalibrationScan, number: int, circle: RoughCircle, laser: TwoMirror
 ) -> CoarseScan:
     """Scan coarse lines across one circle; the ellipse that they show."""
-    stride, finer = scan.strides(laser, circle.half_chord)
-    key = f"{number}_{COARSE}"
-    stage = scan.coarse
-    dac = _on_board(across(circle.centre, stage.lines, stage.pixels, stride), laser)
+    key, stage = f"{number}_{COARSE}", scan.coarse
+    dac, stride, finer = coarse_lines(scan, circle, laser)
     dac = _placed(camera, key, dac)
     image = camera.image(key, list(dac))
-    look = CoarseScan(circle.whereabouts, f"{key}_*", image, finer, circle.shade)
-    look = replace(look, stage=stage, stride=stride, half_chord=circle.half_chord)
+    look = CoarseScan(circle.whereabouts, f"{key}_*", image, stage, stride, finer, circle.shade)
+    look = replace(look, half_chord=circle.half_chord, marked=circle.marked)
     most, inside = 0, np.mean(moving(image)) > NEARLY_ALL
     for every in THINNED:
         if every > 1 and (inside or stage.pixels < LEAST_PIXELS * every):
@@ -208,7 +187,7 @@ def _edges(
     axes = (direction * length).T
     stage = scan.fine
     fine = along_ellipse(look.ellipse.centre, axes, stage.lines, stage.pixels, look.finer)
-    dac = _placed(camera, key, _on_board(fine, laser))
+    dac = _placed(camera, key, on_board(fine, laser))
     image = camera.image(key, list(dac))
     found = even_edges(_lines(image, dac, name), PLACE[scan.edge], scan.fine.window)
     try:
@@ -225,14 +204,6 @@ def _placed(camera: Camera, key: str, dac: IntArray) -> IntArray:
     """Put lines across a circle where a recording has them, if that is as good as the same."""
     within = SAME * float(np.ptp(dac[0], axis=0).max())
     return np.stack(camera.placed(key, list(dac), within))
-
-
-def _on_board(dac: IntArray, laser: TwoMirror) -> IntArray:
-    """Move lines that leave the board's range back into it as a whole."""
-    low, high = laser.board.value
-    under = np.minimum(dac.min(axis=1, keepdims=True) - low, 0)
-    over = np.maximum(dac.max(axis=1, keepdims=True) - high, 0)
-    return dac - under - over
 
 
 def _lines(image: ComplexImage, dac: IntArray, name: str, every: int = 1) -> ScanLines:
@@ -329,6 +300,10 @@ class CoarseScan:
     files : str
         Pattern of its scan lines' files.
     image : ComplexImage
+    stage : CircleLines
+        As it is set.
+    stride : ndarray of int, shape (line,), steps
+        Of each line.
     finer : int, steps
         Stride of the fine lines that follow.
     shade : str
@@ -336,24 +311,22 @@ class CoarseScan:
     ellipse : Ellipse or None
     problem : str
         Why there is none.
-    stage : CircleLines, optional
-        As it is set.
-    stride : ndarray of int, shape (line,), steps, optional
-        Of each line.
     half_chord : ndarray, shape (line,), steps, optional
+    marked : bool
         As in `RoughCircle`.
     """
 
     name: str
     files: str
     image: ComplexImage
+    stage: CircleLines
+    stride: IntArray
     finer: int = 1
     shade: str = ""
     ellipse: Ellipse | None = None
     problem: str = ""
-    stage: CircleLines | None = None
-    stride: IntArray | None = None
     half_chord: Array | None = None
+    marked: bool = False
 
     @property
     def silent(self) -> bool:
@@ -400,18 +373,12 @@ def require_circles(looks: Sequence[CoarseScan], folder: Path, suspicion: str = 
 
 def _no_ellipse(look: CoarseScan) -> str:
     """Say what may be wrong with lines that show a motion, but no circle."""
-    longer = (
-        "give the lines more pixels or a larger stride: coarse.pixels and coarse.stride, below "
-        "scan, or in a session below scan.calibration; with a rough pose and no coarse.stride the "
-        "circle's size tells it"
-    )
+    longer = _longer_lines(look)
     if look.shade:
         return f"{look.shade}; {STAND_ELSEWHERE} ({look.problem})"
     if np.mean(moving(look.image)) > NEARLY_ALL:
         return f"{look.name}: everything on its lines moves, they do not reach its edge; {longer}"
-    if look.stage is None or look.stride is None:
-        return f"{look.problem}; put the rough centre nearer to the circle's middle, or {longer}"
-    if look.half_chord is not None:
+    if look.half_chord is not None and not look.marked:
         return f"{look.problem}; {_other_lines(look.stage, look.stride, look.half_chord)}"
     within = int(moving(look.image).reshape(look.stage.lines, -1).sum(axis=1).min())
     if within < look.stage.window and look.stride.min() > 1:
@@ -421,6 +388,23 @@ def _no_ellipse(look: CoarseScan) -> str:
             "its own"
         )
     return f"{look.problem}; put the rough centre nearer to the circle's middle, or {longer}"
+
+
+def _longer_lines(look: CoarseScan) -> str:
+    """Say which lines would reach farther: as far as the circle's size asks for, or twice."""
+    size = (
+        "with a rough pose, or with the circles' numbers beside three rough centres or more, and "
+        "no coarse.stride the circle's size tells it"
+    )
+    where = "below scan, or in a session below scan.calibration"
+    larger = 2 * int(look.stride.max())
+    if look.half_chord is not None:
+        needed = SPAN * look.half_chord.max() / (look.stage.pixels // 2)
+        larger = int(np.ceil(needed)) if needed > look.stride.max() else larger
+    return (
+        f"give the lines more pixels or a larger stride than {look.stride.max()}, "
+        f"coarse.stride={larger}, {where}; {size}"
+    )
 
 
 def _other_lines(stage: CircleLines, stride: IntArray, half_chord: Array) -> str:

@@ -20,10 +20,19 @@ LINES_KEPT, SCAN_KEPT = "what was scanned is kept", "the scan is kept"
 
 @dataclass(frozen=True)
 class KeptScan:
-    """What is kept of a run that ended before it was done, and the command that goes on with it."""
+    """What is kept of a run that ended before it was done, and the command that goes on with it.
+
+    Parameters
+    ----------
+    told : str
+    command : str
+    mend : bool
+        Whether it ends alike again unless something is mended first.
+    """
 
     told: str
     command: str
+    mend: bool = False
 
     def __str__(self) -> str:
         return f"{self.told} {GO_ON}{self.command}"
@@ -67,9 +76,9 @@ def resume_here(folder: Path) -> str:
     return f"sldvexp console {shlex.quote(f'resume={folder}')}"
 
 
-def kept_lines(folder: Path) -> KeptScan:
+def kept_lines(folder: Path, mend: bool = False) -> KeptScan:
     """Tell that the lines of a run are kept that stops before its end, and how it goes on."""
-    return KeptScan(f"{LINES_KEPT},", f"sldvexp {shlex.quote(f'resume={folder}')}")
+    return KeptScan(f"{LINES_KEPT},", f"sldvexp {shlex.quote(f'resume={folder}')}", mend)
 
 
 def how_to_go_on(folder: Path) -> str:

@@ -96,6 +96,12 @@ class Journal:
         """Tell whether there is a line of that name, whole or damaged."""
         return (self.folder / f"{name}.npz").is_file()
 
+    def pixels(self, name: str) -> IntArray | None:
+        """Give the pixels of a line that is kept; None if there is none, or it is damaged."""
+        path = self.folder / f"{name}.npz"
+        kept = read_line(path) if path.exists() else None
+        return None if kept is None else kept[0]
+
     def leave(self, lines: str, done: int) -> None:
         """Keep that the rest of the view is left out, see `sldvexp.instrument.recording`."""
         write_left(self.folder, lines, done)

@@ -100,12 +100,15 @@ class RoughCircle:
         How far its edge is from its middle along each coarse line.
     shade : str
         Which other circles hide it.
+    marked : bool
+        Whether somebody gave the centre, and it is none that was found.
     """
 
     centre: IntArray
     number: int | None = None
     half_chord: Array | None = None
     shade: str = ""
+    marked: bool = False
 
     @property
     def name(self) -> str:
@@ -167,7 +170,7 @@ class CircleSearch:
         if k == len(self.numbers):
             return found
         rotation, origin = self._pose(found)
-        circle = self._predict(k, rotation, origin)
+        circle = self.predicted(k, rotation, origin)
         for centre in self._spots(circle):
             more = np.concatenate([found, centre[None]])
             if self._fits(more) and (whole := self.complete(more)) is not None:
@@ -193,7 +196,7 @@ class CircleSearch:
         shaded = shaded_circles(origin, self.target)
         circles = []
         for k, centre in enumerate(np.rint(found).astype(np.int64)):
-            circle = self._predict(k, rotation, origin)
+            circle = self.predicted(k, rotation, origin)
             others = shaded.get(circle.number, [])
             shade = shade_told(circle.number, others) if others else ""
             chords = half_chords(circle.outline, self.scan.coarse.lines)
@@ -230,12 +233,12 @@ class CircleSearch:
         if not len(found):
             return pose
         centres = self.outlines[: len(found)].mean(axis=1)
-        wide = np.array([self._predict(k, *pose).half_width for k in range(len(found))])
+        wide = np.array([self.predicted(k, *pose).half_width for k in range(len(found))])
         std = np.maximum(FOUND, SPOT * wide)
         names = [f"circle {number}" for number in self.numbers[: len(found)]]
         return corrected_pose(centres, found, *pose, self.at.laser, names, std)
 
-    def _predict(self, k: int, rotation: Array, origin: Array) -> PredictedCircle:
+    def predicted(self, k: int, rotation: Array, origin: Array) -> PredictedCircle:
         """Predict the image of a circle from points around its edge."""
         outline, laser = self.outlines[k], self.at.laser
         name = f"the edge of circle {self.numbers[k]}"
@@ -254,7 +257,7 @@ class CircleSearch:
         """Tell whether one pose explains all circles that are found."""
         try:
             rotation, origin = self._pose(found)
-            circles = [self._predict(k, rotation, origin) for k in range(len(self.numbers))]
+            circles = [self.predicted(k, rotation, origin) for k in range(len(self.numbers))]
         except UserError:  # such a pose has a circle behind it, or beyond its mirrors
             return False
         for circle, centre in zip(circles, found, strict=False):

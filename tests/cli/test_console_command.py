@@ -104,6 +104,18 @@ def test_settings_beside_a_run_that_goes_on_hold_for_aiming_and_for_going_on(cut
     assert gone_on == 2 * [[f"resume={cut_off}", "seed=7", "scan.structure.pixels=[4,5]"]]
 
 
+@pytest.mark.parametrize("added", ["scan.calibration.coarse.stride=16", "seed=7"])
+def test_a_setting_that_kept_lines_do_not_go_with_is_refused_at_once(cut_off, served, added):
+    (cut_off / "journal").mkdir()
+    with pytest.raises(UserError) as error:
+        console.run([f"resume={cut_off}", added], None)
+    own = cut_off.parents[1] / "my"
+    command = f"sldvexp console --config-dir {own} experiment=bench seed=3 {added}"
+    assert str(error.value).endswith(f": begin a fresh console instead, {command}")
+    assert console.run([f"resume={cut_off}", "volume.margin=0.01"], None) == 0
+    assert len(served) == 1
+
+
 def test_what_is_aimed_beside_a_run_that_goes_on_is_an_experiment_made_of_its_own(cut_off, served):
     assert console.run([f"resume={cut_off}"], None) == 0
     (one,) = served

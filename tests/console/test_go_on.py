@@ -10,7 +10,7 @@ import pytest
 from sldvexp.console import Console
 from sldvexp.console.afterwards import Advice
 from sldvexp.instrument import NOT_HOME
-from sldvexp.session.interruption import LINES_KEPT, UnfinishedError
+from sldvexp.session.interruption import LINES_KEPT, UnfinishedError, kept_lines
 from tests.console.test_bench import Seen
 
 
@@ -62,6 +62,18 @@ def test_scan_that_failed_goes_on_here_and_the_instrument_is_doubted_until_it_an
     with pytest.raises(KeyboardInterrupt):
         one.bench.further["go_on"]({"do": "go_on"})
     assert runs[1] == [f"resume={tmp_path}"]
+
+
+def test_go_on_is_not_promised_to_help_where_it_would_end_alike(lab_experiment, tmp_path):
+    def run(settings, watcher, operator):
+        raise UnfinishedError("scan: no edge", tmp_path, kept_lines(tmp_path, mend=True))
+
+    words = ["experiment=plate"]
+    one = Console(lab_experiment, words, tmp_path, lambda settings: lab_experiment, run)
+    one.bench.further["scan"]({"do": "scan"})
+    told = Seen(one.board).look()["scan"]["told"]
+    assert "scan: no edge; what was scanned is kept: once that is mended, Go on does here" in told
+    assert told.endswith("begin a fresh console with it, without resume")
 
 
 def test_every_scan_shows_its_tab_also_after_one_that_failed(console):

@@ -11,6 +11,7 @@ from sldvexp.geometry import KnownPose
 from sldvexp.planner.circle_lines import fit_stride, too_short
 from sldvexp.planner.images import half_chords_of, known_stand
 from sldvexp.planner.place import Place
+from sldvexp.scan.calibration import Centres
 from tests.planner.planned_experiments import SMALL, composed
 
 VIEWS = {
@@ -50,6 +51,16 @@ def test_lines_that_do_not_reach_an_edge_are_told_with_what_is_needed(stride, ro
 
 def test_rough_poses_without_a_stride_need_none():
     assert not list(too_short(*two_stands(None, True)))
+
+
+def test_marks_with_numbers_need_no_stride():
+    stands, place, scan = two_stands(None, False)
+    assert list(too_short(stands, place, scan))
+    marks = Centres([[0, 0], [0, 9], [9, 0], [9, 9]], circles=[1, 2, 3, 4])
+    calibration = replace(scan.calibration, views={"near": marks})
+    structure = replace(scan.structure, views={})
+    marked = replace(scan, calibration=calibration, structure=structure)
+    assert not any(told.startswith("stand near") for told in too_short(stands, place, marked))
 
 
 @pytest.mark.parametrize(
