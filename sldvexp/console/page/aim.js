@@ -9,6 +9,8 @@ const NAMES = { circle: "circle", corner: "corner", spot: "spot", fiducial: "mar
 const CORNER = "#e08a00";
 /** The page says so often that an arrow is held, ms; the beam begins to run after a while. */
 const HELD = 200, LONG = 300;
+/** Parts of the whole field that are shown at most of a place that the beam goes to, and of what is shown that lie around it. */
+const CLOSE = 1 / 8, AROUND = 1 / 8;
 
 export class Aim {
   constructor(page) {
@@ -66,6 +68,8 @@ export class Aim {
     this.map.show(from, from.map((v) => Math.round(v + side)));
     $("window").textContent = `shown: up-down ${this.map.low[0]} to ${this.map.high[0]}, left-right ${this.map.low[1]} to ${this.map.high[1]}`;
   }
+
+  showWhole() { this.window(...this.limits.map((v) => [v, v])); }
 
   /** Steps of an arrow: up and left are 1. */
   steps(arrow, size) {
@@ -157,7 +161,10 @@ export class Aim {
     const other = word.view !== this.marks.view, before = this.marks.marks.length;
     this.marks = { predicted: [], outlines: [], out: [], ...word };
     this.showViews(word);
-    if (other) this.chosen = null;  // each view begins with its first mark
+    if (other) {
+      this.chosen = null;  // each view begins with its first mark
+      if (this.limits) this.showWhole();  // where the last one was shown this one may have nothing
+    }
     if (!this.chosen || word.marks.length > before) this.chooseNext();
     $("pose").textContent = word.pose ?? "";
     this.drawMarks();
@@ -333,9 +340,9 @@ export class Aim {
     const place = this.placeOf(this.chosen);
     if (!place) return;
     this.page.wish("move", { to: place.map(Math.round) });
-    const { low, high } = this.map, side = high[0] - low[0];
-    // The beam goes where it can be seen.
-    if (place.some((b, k) => b < low[k] || b > high[k])) this.window(place.map((b) => b - side / 2), place.map((b) => b + side / 2));
+    const { low, high } = this.map, now = high[0] - low[0], side = Math.min(now, CLOSE * (this.limits[1] - this.limits[0]));
+    // The beam goes where it can be seen, with what is around it.
+    if (side < now || place.some((b, k) => b < low[k] + AROUND * side || b > high[k] - AROUND * side)) this.window(place.map((b) => b - side / 2), place.map((b) => b + side / 2));
   }
 
   setStep(step) {
@@ -351,7 +358,7 @@ export class Aim {
       $("field").focus({ preventScroll: true });
     });
     const actions = { look: () => this.look(), nearer: () => this.zoom(0.5), farther: () => this.zoom(2), mark: () => this.mark(), go: () => this.go() };
-    actions.whole = () => this.window(...this.limits.map((v) => [v, v]));
+    actions.whole = () => this.showWhole();
     actions["add-view"] = () => this.page.wish("add_view");
     actions.undo = () => this.page.wish("undo");
     actions.redo = () => this.page.wish("redo");
@@ -392,8 +399,9 @@ export class Aim {
   }
 
   key(event) {
-    const writes = event.target.closest("input:not([type=radio]):not([type=checkbox]), select, textarea, [role=tab]");
-    if (writes || $("aim").hidden || event.ctrlKey || event.metaKey || event.altKey) return;
+    const writes = event.target.closest("input:not([type=radio]):not([type=checkbox]), select, textarea");
+    const tab = event.target.closest("[role=tab]");
+    if (writes || tab && event.key.startsWith("Arrow") || $("aim").hidden || event.ctrlKey || event.metaKey || event.altKey) return;
     const arrows = { ArrowUp: [1, 0], ArrowDown: [-1, 0], ArrowLeft: [0, 1], ArrowRight: [0, -1] };
     const keys = { m: () => this.mark(), n: () => this.chooseBy(1), p: () => this.chooseBy(-1), g: () => this.go(), l: () => this.look() };
     keys.u = () => this.page.wish("undo");

@@ -49,6 +49,7 @@ function update() {
 }
 
 function choose(tab) {
+  if ($(tab).hidden) scrollTo(0, 0);  // where the last tab stood is nothing to this one
   for (const each of document.querySelectorAll("[role=tab]")) {
     const chosen = each.id === `tab-${tab}`;
     each.setAttribute("aria-selected", String(chosen));
