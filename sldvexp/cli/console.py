@@ -44,8 +44,8 @@ TOO_FEW = (
 )
 #: Advice to who may still choose their stands.
 BETTER = (
-    "sldvexp plan finds better ones, and writes an experiment with them; after each view it is "
-    "told here which stand helps most."
+    "Stands that are not from sldvexp plan can be bettered by it; it writes an experiment with its "
+    "own. After each view it is told here which stand helps most."
 )
 #: Width of a figure for narrow screens, m.
 NARROW = 0.085

@@ -137,10 +137,15 @@ def planned(monkeypatch):
         goal = types.SimpleNamespace(criterion=PlanCriterion.mean)
         place = types.SimpleNamespace(nodes=np.zeros((9, 3)))
         return types.SimpleNamespace(
-            asked=asked, undetermined=undetermined, added=added, goal=goal, place=place
+            asked=asked,
+            undetermined=undetermined,
+            added=added,
+            goal=goal,
+            place=place,
+            one_more=None,
         )
 
-    stand = types.SimpleNamespace(origin=[1, 2, 3.456], look_at=[0, 0, 0])
+    stand = types.SimpleNamespace(origin=np.array([1, 2, 3.456]), look_at=np.zeros(3))
     now, after = plan(2e-3, undetermined=4), plan(1e-3, added=(stand,))
     monkeypatch.setattr(planner, "check_stands", lambda *_: now)
     monkeypatch.setattr(planner, "next_stand", lambda *_: after)
@@ -186,7 +191,11 @@ def test_advice_before_a_scan_is_what_the_given_stands_reach(planned, monkeypatc
 
 
 NOW = types.SimpleNamespace(
-    asked=2e-3, undetermined=0, goal=types.SimpleNamespace(criterion=PlanCriterion.mean)
+    asked=2e-3,
+    undetermined=0,
+    goal=types.SimpleNamespace(criterion=PlanCriterion.mean),
+    stands=(),
+    place=None,
 )
 
 

@@ -252,11 +252,25 @@ def test_reference_is_shown_of_the_same_look(page):
         assert page.js("return document.getElementById('map').cells.count") == count
 
 
+#: Keeps what is told of stands, and whether a figure is hidden then, which must be drawn first.
+PLANNED = """
+window.planned = [];
+const told = document.getElementById('planned'), link = document.getElementById('plan-link');
+new MutationObserver(() => planned.push([told.textContent.slice(0, 9), link.hidden]))
+  .observe(told, {childList: true});
+"""
+
+
 def test_stands_of_the_scan_are_examined_with_a_figure(page):
     page.click("tab-plan")
     page.click("examine")
     page.until(lambda: page.js("return document.getElementById('plan-figure').naturalWidth") > 500)
     assert "The stands that are given: " in page.text("planned")
+    page.js(PLANNED)
+    page.click("examine")
+    page.until(lambda: page.js("return planned.length") == 2)
+    assert page.js("return planned") == [["Computing", True], ["The stand", True]]
+    page.until(lambda: page.js("return !document.getElementById('plan-link').hidden"))
     assert page.said() == []
 
 
