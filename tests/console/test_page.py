@@ -132,6 +132,18 @@ def test_place_that_is_gone_to_is_shown_near_and_not_at_the_edge(page):
     take_all_back(page)
 
 
+def test_velocity_is_called_good_only_above_its_noise(page):
+    lab = bench_lab()
+    page.come_to((3000, 3000))  # beside everything
+    page.until(lambda: page.text("flags").startswith("no more than noise"))
+    bar = "const { value, low } = document.getElementById('velocity'); return value / low"
+    assert page.js(bar) < 1
+    page.come_to(lab.true_dac(lab.calibration_object.center[0]))
+    page.until(lambda: page.text("flags").startswith("good: "))
+    assert page.js(bar) > 2
+    page.come_to((0, 0))
+
+
 def test_no_button_moves_when_the_signal_is_judged_for_the_first_time(page):
     buttons = ("mark", "go", "undo", "redo", "write", "start")
 

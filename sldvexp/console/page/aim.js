@@ -7,6 +7,8 @@ const STEPS = [1, 10, 100];
 const NAMES = { circle: "circle", corner: "corner", spot: "spot", fiducial: "mark" };
 /** Colour of corners, and of the region between them. */
 const CORNER = "#e08a00";
+/** Velocity over its noise from which something moves (noise alone is beyond it once in 270 000 times), and at which its bar is full. */
+const MOVES = 5, FULL = 1000;
 /** The page says so often that an arrow is held, ms; the beam begins to run after a while. */
 const HELD = 200, LONG = 300;
 /** Parts of the whole field that are shown at most of a place that the beam goes to, and of what is shown that lie around it. */
@@ -99,12 +101,14 @@ export class Aim {
       $("flags").textContent = "";
       return;
     }
-    this.most = Math.max(this.most ?? 0, word.velocity, this.map.top);
-    told("velocity", word.velocity / (this.most || 1), `${word.velocity.toFixed(3)} mm/s`);
+    // Of one noise nothing is shown, of FULL all of the bar: it means the same at every place.
+    const times = word.noise ? word.velocity / word.noise : word.velocity ? FULL : 0, moves = times >= MOVES;
+    told("velocity", Math.log(Math.min(Math.max(times, 1), FULL)) / Math.log(FULL), `${word.velocity.toFixed(3)} mm/s`);
+    $("velocity").low = Math.log(MOVES) / Math.log(FULL);
     $("reference").max = Math.max($("reference").max, word.reference);
     told("reference", word.reference, `${word.reference.toFixed(3)} V`);
     told("light", word.light, `${Math.round(100 * word.light)} %`);
-    $("flags").textContent = word.flags.length ? `not to be trusted: ${word.flags.join(", ").replaceAll("_", " ")}` : "good";
+    $("flags").textContent = word.flags.length ? `not to be trusted: ${word.flags.join(", ").replaceAll("_", " ")}` : moves ? `good: ${Math.round(times)} times the noise` : `no more than noise: ${MOVES} times the noise tell that something moves`;
   }
 
   showRaster(header, arrays) {
