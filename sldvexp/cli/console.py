@@ -65,7 +65,8 @@ def run(words: list[str], config_dir: str | None, port: str | None = None) -> in
     """
     if missing := [name for name in NEEDED if importlib.util.find_spec(name) is None]:
         raise UserError(
-            f"console needs {' and '.join(missing)}: pip install 'sldvexp[console]' installs it"
+            f"console needs {' and '.join(missing)}: pip install 'sldvexp[console]' installs it, "
+            "of a clone in the folder sldvexp pip install './sldvexp[console]'"
         )
     folder = Path(config_dir or OWN_FOLDER)
     unfinished = next((Path(w.removeprefix(KEY)) for w in words if w.startswith(KEY)), None)

@@ -438,10 +438,7 @@ class AimingBench:
         self._tell_beam()
 
     def _amplitude(self, samples: RawSamples) -> tuple[Any, Any, Any]:
-        """Compute the velocity's amplitude, mm/s, flags of pixels, and the amplitude's noise, mm/s.
-
-        The noise is the standard error of the real and of the imaginary part each.
-        """
+        """Compute amplitudes, mm/s, flags, and standard errors of real or imaginary parts, mm/s."""
         assert self._set is not None
         image = self._signal.demodulate(
             samples.counts,
