@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from hydra._internal.utils import create_config_search_path
 from hydra.types import RunMode
 from omegaconf import DictConfig, open_dict
@@ -19,13 +21,18 @@ def part(*overrides: str) -> DictConfig:
     return _composed(None, overrides)
 
 
-def experiment(*overrides: str) -> Experiment:
-    """Compose an experiment, and make its plugins."""
-    return schema.build(_composed("config", overrides))
+def experiment(*overrides: str, config_dir: str | Path | None = None) -> Experiment:
+    """Compose an experiment, with files of one's own folder too, and make its plugins."""
+    return schema.build(_composed("config", overrides, config_dir))
 
 
-def _composed(name: str | None, overrides: tuple[str, ...]) -> DictConfig:
-    loader = RememberingLoader(create_config_search_path(str(conf_dir())))
+def _composed(
+    name: str | None, overrides: tuple[str, ...], config_dir: str | Path | None = None
+) -> DictConfig:
+    path = create_config_search_path(str(conf_dir()))
+    if config_dir is not None:
+        path.prepend("command-line", f"file://{config_dir}")
+    loader = RememberingLoader(path)
     config = loader.load_configuration(name, [*overrides], RunMode.RUN)
     with open_dict(config):
         del config["hydra"]

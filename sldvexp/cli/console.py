@@ -47,8 +47,8 @@ TOO_FEW = (
 )
 #: Advice to who may still choose their stands.
 BETTER = (
-    "sldvexp plan finds better ones, and writes an experiment with them; after each view it is "
-    "told here which stand helps most."
+    "Stands that are not from sldvexp plan can be bettered by it; it writes an experiment with its "
+    "own. After each view it is told here which stand helps most."
 )
 #: Width of a figure for narrow screens, m.
 NARROW = 0.085
@@ -68,7 +68,8 @@ def run(words: list[str], config_dir: str | None, port: str | None = None) -> in
     """
     if missing := [name for name in NEEDED if importlib.util.find_spec(name) is None]:
         raise UserError(
-            f"console needs {' and '.join(missing)}: pip install 'sldvexp[console]' installs it"
+            f"console needs {' and '.join(missing)}: pip install 'sldvexp[console]' installs it, "
+            "of a clone in the folder sldvexp pip install './sldvexp[console]'"
         )
     folder = Path(config_dir or OWN_FOLDER)
     unfinished = next((Path(w.removeprefix(KEY)) for w in words if w.startswith(KEY)), None)

@@ -373,7 +373,7 @@ class AimingBench:
         began = time.monotonic()
         samples = self._ready().scan(dac)
         self._pace = max((time.monotonic() - began) / len(dac), 1e-6)
-        value, flags = self._amplitude(samples)
+        value, flags, _ = self._amplitude(samples)
         reference = _peaks(samples)[:, REFERENCE].astype(np.float32)
         arrays = [dac.astype(np.int32).ravel(), value, flags, reference]
         assert self._set is not None
@@ -437,8 +437,8 @@ class AimingBench:
         self.beam = (up_down, left_right)
         self._tell_beam()
 
-    def _amplitude(self, samples: RawSamples) -> tuple[Any, Any]:
-        """Compute the velocity's amplitude, mm/s, and flags of pixels."""
+    def _amplitude(self, samples: RawSamples) -> tuple[Any, Any, Any]:
+        """Compute amplitudes, mm/s, flags, and standard errors of real or imaginary parts, mm/s."""
         assert self._set is not None
         image = self._signal.demodulate(
             samples.counts,
@@ -448,7 +448,8 @@ class AimingBench:
         )
         value = MILLI * np.abs(image.velocity[:, 0])
         flags = image.flags.astype(np.uint8)
-        return np.where(np.isfinite(value), value, 0.0).astype(np.float32), flags
+        noise = MILLI * image.std[:, 0]
+        return np.where(np.isfinite(value), value, 0.0).astype(np.float32), flags, noise
 
     def _safely(self, work: Callable[[], None]) -> None:
         """Do something; what goes wrong is told, and the instrument left if it was its fault."""
@@ -490,10 +491,11 @@ class AimingBench:
         """Sample where the beam stands, and tell what comes back."""
         instrument = self._ready()
         samples = instrument.acquire()
-        value, flags = self._amplitude(samples)
+        value, flags, noise = self._amplitude(samples)
         light = aids.light_level(instrument, samples)
         told = {
             "velocity": round(float(value[0]), 4),
+            "noise": float(noise[0]) if np.isfinite(noise[0]) else None,
             "reference": round(float(_peaks(samples)[0, REFERENCE]), 4),
             "light": round(light, 3),
             "flags": [flag.name for flag in Flag if flags[0] & flag],

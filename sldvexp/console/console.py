@@ -98,13 +98,15 @@ class Console:
         self._plan, self._plans = Advice([]), 0
         self._advising: list[threading.Thread] = []
         self._ours: dict[Path, str] = {}  # files that were written, as they were
+        self._written_as = ""  # name of the last of them
+        self._written_marks: dict[str, dict[Name, Steps]] = {}  # with which it was
         self._unfinished, self._added = unfinished, list(added)
         self._earlier: EarlierScan | None = None  # the last one, of which the next keeps views
         self._warned = ""  # contradiction of marks of which was told at Scan
         self._shown = 0  # how often a tab was
         self._last: Scanning | None = None  # scan that has ended
         self._end: BaseException | None = None  # why, if it was not done
-        self.bench.answered, self.bench.changed = self._answered, self._tell_ahead
+        self.bench.answered, self.bench.changed = self._answered, self._marks_changed
         self.bench.further = {
             "write": self._write,
             "scan": self._scan,
@@ -161,11 +163,40 @@ class Console:
         before = own_path(self.folder, "experiment", name)
         replace = wish.get("replace") is True or self._is_ours(before)
         path = write_experiment(self.folder, name, self.settings, scan, replace)
-        self._ours[path] = path.read_text(encoding="utf-8")
-        command = command_with(self.folder, self.settings, name)
-        self.board.tell("written", f"{path}; {command} scans it")
+        self._note_written(path, name)
+        self._tell_written()
         self.bench.say(f"Written to {path}.")
         return settings_with(self.settings, name)
+
+    def _note_written(self, path: Path, name: str) -> None:
+        self._ours[path] = path.read_text(encoding="utf-8")
+        self._written_as, self._written_marks = name, self.bench.marks.every
+
+    def _marks_changed(self) -> None:
+        """Let what is told, and a file of which no mark is left, follow the marks."""
+        self._tell_ahead()
+        if not self._written_as:
+            return
+        path = own_path(self.folder, "experiment", self._written_as)
+        if self._written_marks and not self.bench.marks.every and self._is_ours(path):
+            write_experiment(self.folder, self._written_as, self.settings, {}, replace=True)
+            self._note_written(path, self._written_as)
+        self._tell_written()
+
+    def _tell_written(self) -> None:
+        """Say what scans the file that was written last, and whether it has the marks of now."""
+        path = own_path(self.folder, "experiment", self._written_as)
+        command = command_with(self.folder, self.settings, self._written_as)
+        marks = self.bench.marks.every
+        if self._written_marks != marks:
+            told = f"{path} has earlier marks than these: Write brings it up to date"
+            if not marks:  # the file is not this console's any more
+                told = f"{path} was changed by somebody and keeps the marks taken back here"
+        elif not marks:
+            told = f"{path} has no marks any more; {command} scans what the console began with"
+        else:
+            told = f"{path}; {command} scans it"
+        self.board.tell("written", told)
 
     def _is_ours(self, path: Path) -> bool:
         """Tell whether a file is one that this console wrote, and nobody changed since."""

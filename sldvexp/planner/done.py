@@ -67,14 +67,14 @@ def of_experiment(experiment: Experiment, place: Place) -> GivenStands:
     Raises
     ------
     UserError
-        If it gives none.
+        If it gives none, or only those of some of the views that the scan has rough poses or
+        marks of.
     """
     if isinstance(experiment.pose, Given):
         found = experiment.pose.read()
         poses = dict(zip(found.views, zip(found.rotation, found.origin, strict=True), strict=True))
     else:
-        known: dict[str, KnownPose] = experiment.scan.rough_poses() if experiment.scan else {}
-        known = known or getattr(experiment.scene, "views", {})
+        known = _rough_poses(experiment)
         poses = {name: (pose.rotation, pose.place) for name, pose in known.items()}
     if not poses:
         raise UserError(
@@ -86,6 +86,39 @@ def of_experiment(experiment: Experiment, place: Place) -> GivenStands:
     )
     images = tuple(_image(stand, experiment, k, place) for k, stand in enumerate(stands))
     return GivenStands(stands, images)
+
+
+def _rough_poses(experiment: Experiment) -> dict[str, KnownPose]:
+    """Give the rough poses of all views of a scan; those of a virtual lab where it has none.
+
+    A view of which somebody has marked where it is scanned is measured from where its entry of
+    ``scan.poses`` stands, though its scan does not need that any more.
+
+    Raises
+    ------
+    UserError
+        If it has those of some of its views only.
+    """
+    scan, scene = experiment.scan, getattr(experiment.scene, "views", {})
+    if scan is None:
+        return dict(scene)
+    known = scan.rough_poses()
+    known = {**scan.poses, **known} if isinstance(scan, Session) else known
+    if not known:
+        return dict(scene)
+    every = dict.fromkeys([*known, *scan.view_names()])
+    known = {name: known.get(name) or scene.get(name) for name in every}
+    missing = [name for name, pose in known.items() if pose is None]
+    if missing:
+        several = len(missing) > 1
+        raise UserError(
+            f"plan: the stand{'s' * several} of view{'s' * several} {', '.join(missing)} "
+            f"{'are' if several else 'is'} not known, since DAC steps of marks alone do not tell "
+            f"{'them' if several else 'it'}: give "
+            f"{'their rough poses' if several else 'its rough pose'} too "
+            f"(scan.poses.{missing[0]}), or the folder of a run of these views"
+        )
+    return known
 
 
 def _stand(name: str, origin: Array, rotation: Array, place: Place) -> Stand:

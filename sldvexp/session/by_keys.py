@@ -48,6 +48,9 @@ REVIEW = "Enter goes on, u takes the last one back, r an earlier one"
 #: The same of marks of which no pose can be believed.
 REFUTED = "r takes a mark again by its number, u the last one; Enter twice goes on all the same"
 
+#: Part of the mirrors' range beyond which an error leaves open where a mark is.
+VAGUE = 0.1
+
 #: What is to be done about a mark beyond the mirrors' reach.
 LEAVE_OUT = "h leaves it out when it is asked for, or turn the instrument and begin this view anew"
 
@@ -129,11 +132,13 @@ class AtKeyboard:
         """
         said = self.guide.said
         if key.name == "u" and said:
+            self.keyboard.status("")  # what it asks is answered
             raise TakenBackError(int(said[-1].rpartition(" ")[2]))
         if key.name == "u":
             self.keyboard.say("nothing is taken yet")
         if key.name == "r" and (line := typed(self.keyboard, "again: mark ", "")) is not None:
             if f"mark {line.strip()}" in said:
+                self.keyboard.status("")
                 raise TakenBackError(int(line))
             self.keyboard.say(
                 f"{line!r} is not a mark that was taken or left out: {', '.join(said)}"
@@ -167,6 +172,9 @@ class _Aim:
         self.name = mark_label(mark.number)
         self.instrument: Instrument = person.at.camera.instrument
         self.expected = self._expected()
+        self.vague = self.expected is not None and is_vague(self.expected, person.at.laser)
+        if self.vague:
+            self.expected = None
         self.goals = list(_goals(self.expected))
         self.goal, self.looked = 0, False
 
@@ -221,7 +229,15 @@ class _Aim:
 
     def _go_on(self) -> None:
         """Go where the mark is expected, or may be instead."""
+        if self.vague:
+            self.keyboard.say(self._open())
+            return
         if self.goals:
+            if self.goals == [self.beam]:
+                self.keyboard.say(
+                    f"{self.name} is expected where the beam stands, and the marks taken give no "
+                    "other place that the mirrors reach: move the beam onto it if it is beside"
+                )
             self._go(self.goals[self.goal % len(self.goals)])
             self.goal += 1
             return
@@ -238,6 +254,8 @@ class _Aim:
 
     def _where(self) -> str:
         """Say where the mark is expected."""
+        if self.vague:
+            return f"; {self._open()}"
         if self.expected is None:
             told = self.person.guide.out_of_reach().get(self.name, "")
             return f"; {told}: h leaves it out" if told else ""
@@ -247,6 +265,14 @@ class _Aim:
         return (
             f", expected at {up_down:.0f} {left_right:.0f} steps (+- {std[0]:.1f} {std[1]:.1f})"
             f"{instead}: g goes there"
+        )
+
+    def _open(self) -> str:
+        """Say that the marks do not tell where this one is."""
+        names = " and ".join(", ".join(self.person.guide.taken).rsplit(", ", 1))
+        return (
+            f"{names} do not tell yet where {self.name} is, as when they lie nearly in a line or "
+            "fit several poses: bring the beam onto it with the arrow keys"
         )
 
     def _is_taken(self) -> bool:
@@ -355,6 +381,16 @@ def typed(keyboard: Keyboard, request: str, begun: str) -> str | None:
             line = line[:-1]
         elif len(key.name) == 1 and key.name.isprintable():
             line += key.name
+
+
+def is_vague(expected: ExpectedPlace, laser: TwoMirror) -> bool:
+    """Tell whether a mark's expected place says nothing, as its error is a large part of the range.
+
+    An error that only spans the places of several poses does not: each of them can be gone to.
+    """
+    low, high = laser.board.value
+    spanned = max((np.abs(other - expected.dac).max() for other in expected.others), default=0.0)
+    return bool(np.max(expected.std) > max(VAGUE * (high - low), spanned))
 
 
 def _goals(expected: ExpectedPlace | None) -> Iterator[Steps]:

@@ -51,7 +51,8 @@ def test_packages_that_are_missing_are_named_with_what_installs_them(sldvexp, mo
     done = sldvexp("console", "experiment=plate")
     assert done.status == 1
     assert done.err == (
-        "sldvexp: console needs uvicorn: pip install 'sldvexp[console]' installs it\n"
+        "sldvexp: console needs uvicorn: pip install 'sldvexp[console]' installs it, of a "
+        "clone in the folder sldvexp pip install './sldvexp[console]'\n"
     )
 
 
@@ -210,6 +211,7 @@ NOW = types.SimpleNamespace(
     undetermined=0,
     goal=types.SimpleNamespace(criterion=PlanCriterion.mean),
     given=(),
+    stands=(),
     place=None,
 )
 

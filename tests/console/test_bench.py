@@ -275,6 +275,7 @@ def test_level_and_picture_are_told_where_the_beam_stands(bench, do, seen, lab):
     level = seen.look()["level"]
     assert level["velocity"] > 5
     assert level["reference"] == pytest.approx(1, abs=0.05)
+    assert level["velocity"] > 50 * level["noise"] > 0
     assert (0 < level["light"] <= 1, level["flags"]) == (True, [])
     (camera,) = [h for h, _ in seen.parts if h["picture"] == "camera"]
     assert (camera["rows"], camera["columns"]) == (150, 200)

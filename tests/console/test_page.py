@@ -78,6 +78,72 @@ def test_circle_is_found_on_a_quick_look_and_marked_by_a_click_and_a_key(page, s
     assert [url for url in fetched if not url.startswith(served.address)] == []
 
 
+def test_keys_work_on_the_tab_too_but_its_arrows_move_no_mirror(page):
+    take_all_back(page)
+    page.come_to((30, 40))
+    page.mark()
+    page.click("tab-aim")
+    assert page.js("return document.activeElement.id") == "tab-aim"
+    page.key("ArrowUp")
+    page.key("u")
+    page.until(lambda: page.marks == 0)
+    assert page.beam == (30, 40)
+    page.key("ArrowRight")
+    assert page.js("return document.activeElement.id") == "tab-scan"
+
+
+def test_tab_opens_at_its_top(served):
+    page = Page(served.address, PHONE)
+    try:
+        page.until(lambda: page.text("who").startswith("You are steering"))
+        page.place("start")
+        assert page.js("return scrollY") > 200
+        page.js("document.getElementById('tab-scan').click()")
+        assert page.js("return scrollY") == 0
+    finally:
+        page.close()
+
+
+def test_place_that_is_gone_to_is_shown_near_and_not_at_the_edge(page):
+    def shown():
+        return page.js(
+            "const { low, high } = document.getElementById('map').cells; return [low, high]"
+        )
+
+    take_all_back(page)
+    whole = shown()
+    page.come_to((300, 40))
+    page.mark()
+    page.js("document.querySelectorAll('#marks tbody button')[0].click()")
+    page.key("ArrowUp")
+    page.key("g")
+    page.until(lambda: page.beam == (300, 40))
+    (low, _), (high, _) = shown()
+    assert high - low == (whole[1][0] - whole[0][0]) // 8
+    assert (low + high) / 2 == pytest.approx(300, abs=1)
+    page.js("document.getElementById('map').aim.window([290, 0], [1290, 1000])")  # at its edge
+    page.key("g")
+    page.until(lambda: shown() != [[290, 0], [1290, 1000]])
+    assert shown()[0][0] < 200
+    page.choose_next_view()
+    assert shown() == whole
+    page.js("document.querySelector('#view [role=option]').click()")
+    page.until(lambda: page.view == "1")
+    take_all_back(page)
+
+
+def test_velocity_is_called_good_only_above_its_noise(page):
+    lab = bench_lab()
+    page.come_to((3000, 3000))  # beside everything
+    page.until(lambda: page.text("flags").startswith("no more than noise"))
+    bar = "const { value, low } = document.getElementById('velocity'); return value / low"
+    assert page.js(bar) < 1
+    page.come_to(lab.true_dac(lab.calibration_object.center[0]))
+    page.until(lambda: page.text("flags").startswith("good: "))
+    assert page.js(bar) > 2
+    page.come_to((0, 0))
+
+
 def test_no_button_moves_when_the_signal_is_judged_for_the_first_time(page):
     buttons = ("mark", "go", "undo", "redo", "write", "start")
 
@@ -198,11 +264,25 @@ def test_reference_is_shown_of_the_same_look(page):
         assert page.js("return document.getElementById('map').cells.count") == count
 
 
+#: Keeps what is told of stands, and whether a figure is hidden then, which must be drawn first.
+PLANNED = """
+window.planned = [];
+const told = document.getElementById('planned'), link = document.getElementById('plan-link');
+new MutationObserver(() => planned.push([told.textContent.slice(0, 9), link.hidden]))
+  .observe(told, {childList: true});
+"""
+
+
 def test_stands_of_the_scan_are_examined_with_a_figure(page):
     page.click("tab-plan")
     page.click("examine")
     page.until(lambda: page.js("return document.getElementById('plan-figure').naturalWidth") > 500)
     assert "The stands that are given: " in page.text("planned")
+    page.js(PLANNED)
+    page.click("examine")
+    page.until(lambda: page.js("return planned.length") == 2)
+    assert page.js("return planned") == [["Computing", True], ["The stand", True]]
+    page.until(lambda: page.js("return !document.getElementById('plan-link').hidden"))
     assert page.said() == []
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 from pathlib import Path
 
@@ -84,6 +85,39 @@ def test_console_replaces_what_it_wrote_itself_and_nothing_that_was_changed(fold
         console._write({"do": "write", "name": "mine"})
     console._write({"do": "write", "name": "mine", "replace": True})
     assert "seed" not in path.read_text()
+
+
+def test_file_and_what_is_told_of_it_follow_the_marks(folder):
+    words = ["experiment=bench"]
+    console = Console(composed(words, str(folder)), words, folder, None, None)
+    console.server._socket.close()  # nobody is served
+    path = folder / "experiment" / "mine.yaml"
+
+    def told():
+        console.bench._tell_marks()
+        reader = console.board.reader(lambda: None)
+        news = [json.loads(t) for t in console.board.news(reader)[0] if isinstance(t, str)]
+        return next(word["word"] for word in news if word["topic"] == "written")
+
+    for steps in ((1, 2), (3, 4)):
+        console.bench.marks.put("1", (CIRCLE, 1), steps)
+        console._write({"do": "write", "name": "mine"})
+    command = f"sldvexp --config-dir {folder} experiment=mine scans"
+    assert told() == f"{path}; {command} it"
+    console.bench._do({"do": "undo"})
+    assert told() == f"{path} has earlier marks than these: Write brings it up to date"
+    console.bench._do({"do": "undo"})
+    assert told() == f"{path} has no marks any more; {command} what the console began with"
+    made = composed(["experiment=mine"], str(folder))
+    assert made.scan.calibration.views == {}
+    assert made == composed(words, str(folder))
+    console.bench._do({"do": "redo"})
+    assert "Write brings it up to date" in told()
+    console._write({"do": "write", "name": "mine"})
+    path.write_text(path.read_text() + "seed: 3\n")
+    console.bench._do({"do": "undo"})
+    assert told() == f"{path} was changed by somebody and keeps the marks taken back here"
+    assert "seed: 3" in path.read_text()
 
 
 @pytest.mark.parametrize("name", ["", "../evil", "a/b", "a b", "x" * 65, ".hidden", "ü", "a\nb"])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from sldvexp.config.experiment import Experiment
 from tests.composing import experiment
 
@@ -9,6 +11,6 @@ from tests.composing import experiment
 SMALL = ("volume.shape=[9,7]", "volume.layers=3", "plan.candidates=300")
 
 
-def composed(*settings: str) -> Experiment:
+def composed(*settings: str, config_dir: str | Path | None = None) -> Experiment:
     """Compose an experiment, by default the plate."""
-    return experiment(*settings)
+    return experiment(*settings, config_dir=config_dir)

@@ -75,7 +75,7 @@ def promised_and_reported(
     )
     (folder / "experiment/drawn.yaml").write_text(text)
     settings = ("experiment=drawn", f"seed={seed}", f"scene.vibrometer.drop_out={drop_out}")
-    promised = planner.check_stands(composed(*settings, "--config-dir", str(folder)))
+    promised = planner.check_stands(composed(*settings, config_dir=folder))
     tree = program.run(*settings, config_dir=folder, quiet=True)
     return promised, QUANTILE * on_surface(tree, "velocity_std_noise")
 

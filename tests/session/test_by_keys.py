@@ -532,3 +532,21 @@ def test_whatever_happens_the_beam_goes_home_and_the_terminal_is_given_back(by_h
         assert not by_hand.server.dialect.playing
     kept = by_hand.folder.rglob("mark_1.json")
     assert [read_answer(path)["answer"] for path in kept] == [by_hand.where[1]]
+
+
+def test_marks_nearly_in_a_line_do_not_send_the_beam_anywhere(composed, tmp_path, monkeypatch):
+    """Their prediction of the next one has an error as large as the mirrors' range."""
+    third = "target.fiducials={3: {x: 5.0, y: 0.02, z: 0.0}}"
+    session = Session(composed, tmp_path, monkeypatch, third)
+    keys = session.press(*map(session.at, (1, 2, 3)), "idle g")
+    (asked,) = keys.told("View a, mark 4 at")
+    assert "; mark 1, mark 2 and mark 3 do not tell yet where mark 4 is, as when" in asked
+    assert "expected at" not in asked
+    assert keys.lines[-1] == asked.partition("; ")[2]
+
+
+def test_second_g_says_where_there_is_no_other_place(session):
+    keys = session.press(*map(session.at, (1, 2, 3, 4)), "g g up g")
+    expected = [line for line in keys.lines if line.startswith("mark 5 is expected where")]
+    assert len(expected) == 1
+    assert expected[0].endswith("move the beam onto it if it is beside")

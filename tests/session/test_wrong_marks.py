@@ -45,6 +45,12 @@ def test_one_enter_does_not_let_a_wrong_mark_pass(session):
     np.testing.assert_array_equal(session.group["dac"].values[0], session.true)
 
 
+def test_what_is_asked_of_wrong_marks_goes_when_one_is_taken_back(session):
+    keys = session.press(*marks(session), "u")
+    asked = max(i for i, line in enumerate(keys.shown) if "Enter twice goes on" in line)
+    assert keys.shown[asked + 1] == ""
+
+
 def test_who_goes_on_with_a_wrong_mark_is_asked_again_when_the_run_goes_on(session):
     session.press(*marks(session), "enter enter")
     assert session.group is not None

@@ -7,8 +7,12 @@ const STEPS = [1, 10, 100];
 const NAMES = { circle: "circle", corner: "corner", spot: "spot", fiducial: "mark" };
 /** Colour of corners, and of the region between them. */
 const CORNER = "#e08a00";
+/** Velocity over its noise from which something moves (noise alone is beyond it once in 270 000 times), and at which its bar is full. */
+const MOVES = 5, FULL = 1000;
 /** The page says so often that an arrow is held, ms; the beam begins to run after a while. */
 const HELD = 200, LONG = 300;
+/** Parts of the whole field that are shown at most of a place that the beam goes to, and of what is shown that lie around it. */
+const CLOSE = 1 / 8, AROUND = 1 / 8;
 
 export class Aim {
   constructor(page) {
@@ -67,6 +71,8 @@ export class Aim {
     $("window").textContent = `shown: up-down ${this.map.low[0]} to ${this.map.high[0]}, left-right ${this.map.low[1]} to ${this.map.high[1]}`;
   }
 
+  showWhole() { this.window(...this.limits.map((v) => [v, v])); }
+
   /** Steps of an arrow: up and left are 1. */
   steps(arrow, size) {
     return arrow.map((v, k) => v * size * this.ways[k]);
@@ -95,12 +101,14 @@ export class Aim {
       $("flags").textContent = "";
       return;
     }
-    this.most = Math.max(this.most ?? 0, word.velocity, this.map.top);
-    told("velocity", word.velocity / (this.most || 1), `${word.velocity.toFixed(3)} mm/s`);
+    // Of one noise nothing is shown, of FULL all of the bar: it means the same at every place.
+    const times = word.noise ? word.velocity / word.noise : word.velocity ? FULL : 0, moves = times >= MOVES;
+    told("velocity", Math.log(Math.min(Math.max(times, 1), FULL)) / Math.log(FULL), `${word.velocity.toFixed(3)} mm/s`);
+    $("velocity").low = Math.log(MOVES) / Math.log(FULL);
     $("reference").max = Math.max($("reference").max, word.reference);
     told("reference", word.reference, `${word.reference.toFixed(3)} V`);
     told("light", word.light, `${Math.round(100 * word.light)} %`);
-    $("flags").textContent = word.flags.length ? `not to be trusted: ${word.flags.join(", ").replaceAll("_", " ")}` : "good";
+    $("flags").textContent = word.flags.length ? `not to be trusted: ${word.flags.join(", ").replaceAll("_", " ")}` : moves ? `good: ${Math.round(times)} times the noise` : `no more than noise: ${MOVES} times the noise tell that something moves`;
   }
 
   showRaster(header, arrays) {
@@ -157,7 +165,10 @@ export class Aim {
     const other = word.view !== this.marks.view, before = this.marks.marks.length;
     this.marks = { predicted: [], outlines: [], out: [], ...word };
     this.showViews(word);
-    if (other) this.chosen = null;  // each view begins with its first mark
+    if (other) {
+      this.chosen = null;  // each view begins with its first mark
+      if (this.limits) this.showWhole();  // where the last one was shown this one may have nothing
+    }
     if (!this.chosen || word.marks.length > before) this.chooseNext();
     $("pose").textContent = word.pose ?? "";
     this.drawMarks();
@@ -333,9 +344,9 @@ export class Aim {
     const place = this.placeOf(this.chosen);
     if (!place) return;
     this.page.wish("move", { to: place.map(Math.round) });
-    const { low, high } = this.map, side = high[0] - low[0];
-    // The beam goes where it can be seen.
-    if (place.some((b, k) => b < low[k] || b > high[k])) this.window(place.map((b) => b - side / 2), place.map((b) => b + side / 2));
+    const { low, high } = this.map, now = high[0] - low[0], side = Math.min(now, CLOSE * (this.limits[1] - this.limits[0]));
+    // The beam goes where it can be seen, with what is around it.
+    if (side < now || place.some((b, k) => b < low[k] + AROUND * side || b > high[k] - AROUND * side)) this.window(place.map((b) => b - side / 2), place.map((b) => b + side / 2));
   }
 
   setStep(step) {
@@ -351,7 +362,7 @@ export class Aim {
       $("field").focus({ preventScroll: true });
     });
     const actions = { look: () => this.look(), nearer: () => this.zoom(0.5), farther: () => this.zoom(2), mark: () => this.mark(), go: () => this.go() };
-    actions.whole = () => this.window(...this.limits.map((v) => [v, v]));
+    actions.whole = () => this.showWhole();
     actions["add-view"] = () => this.page.wish("add_view");
     actions.undo = () => this.page.wish("undo");
     actions.redo = () => this.page.wish("redo");
@@ -392,8 +403,9 @@ export class Aim {
   }
 
   key(event) {
-    const writes = event.target.closest("input:not([type=radio]):not([type=checkbox]), select, textarea, [role=tab]");
-    if (writes || $("aim").hidden || event.ctrlKey || event.metaKey || event.altKey) return;
+    const writes = event.target.closest("input:not([type=radio]):not([type=checkbox]), select, textarea");
+    const tab = event.target.closest("[role=tab]");
+    if (writes || tab && event.key.startsWith("Arrow") || $("aim").hidden || event.ctrlKey || event.metaKey || event.altKey) return;
     const arrows = { ArrowUp: [1, 0], ArrowDown: [-1, 0], ArrowLeft: [0, 1], ArrowRight: [0, -1] };
     const keys = { m: () => this.mark(), n: () => this.chooseBy(1), p: () => this.chooseBy(-1), g: () => this.go(), l: () => this.look() };
     keys.u = () => this.page.wish("undo");

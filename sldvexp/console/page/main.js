@@ -49,6 +49,7 @@ function update() {
 }
 
 function choose(tab) {
+  if ($(tab).hidden) scrollTo(0, 0);  // where the last tab stood is nothing to this one
   for (const each of document.querySelectorAll("[role=tab]")) {
     const chosen = each.id === `tab-${tab}`;
     each.setAttribute("aria-selected", String(chosen));
@@ -75,11 +76,13 @@ for (const [i, tab] of tabs.entries()) {
 /** Show advice on stands, and its figure if there is one: each has an address of its own. */
 function showPlan({ told, figure }) {
   $("planned").replaceChildren(...told.map((text) => Object.assign(document.createElement("p"), { textContent: text })));
-  $("plan-link").hidden = !figure;
+  $("plan-link").hidden = true;  // the last one's figure does not stand under what is told now
   if (!figure) return;
   $("plan-narrow").srcset = `narrow_plan.png?${figure}`;
   $("plan-figure").src = $("plan-link").href = `plan.png?${figure}`;
 }
+
+$("plan-figure").addEventListener("load", () => { $("plan-link").hidden = false; });
 
 const topics = {
   who: showWho,
