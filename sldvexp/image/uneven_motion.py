@@ -48,6 +48,25 @@ def even_edges(
         A function of `sldvexp.image.edge_detection`.
     window : int
         Of the median filter, pixels.
+
+    Returns
+    -------
+    ScanLineEdges
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from scipy.special import ndtr
+    >>> from sldvexp.image import ScanLines, even_edges, gradient_edges
+    >>> turn = np.linspace(0, 2 * np.pi, 12, endpoint=False)
+    >>> out = np.stack([np.cos(turn), np.sin(turn)], axis=1)
+    >>> away = np.arange(90.0, 111.0)
+    >>> position = away[:, None] * out[:, None]
+    >>> step = ndtr((100 - away) / 2) * (1 + 3e-3 * position[..., 0])
+    >>> lines = ScanLines(step, np.full((12, 21), 1e-3), position, np.zeros((12, 21), bool))
+    >>> found = gradient_edges(lines, 1, 3), even_edges(lines, gradient_edges, 3)
+    >>> [round(abs(float(edges.position[:, 0].mean())), 3) for edges in found]
+    [0.013, 0.0]
     """
     found = place(lines, 1, window)
     for _ in range(ROUNDS):
