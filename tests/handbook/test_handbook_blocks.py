@@ -34,7 +34,7 @@ import yaml
 from handbook_pages import PAGES, group_of, sections
 
 from sldvexp import dataset
-from sldvexp.config import Origins, schema
+from sldvexp.config import Origins, hydra_plugin, schema
 from sldvexp.dataset import CONVENTIONS
 
 BLOCK = re.compile(r"^```(\w*)([^\n]*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
@@ -186,6 +186,7 @@ def check_configuration(block: Block) -> None:
         path = folder / f"experiment/{name}.yaml"
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(head + block.text, encoding="utf-8")
+    hydra_plugin.install()  # as a command does first
     origins = Origins(["--config-dir", str(folder), f"experiment={name}"])
     config = origins.compose()
     task = config.copy()
