@@ -34,6 +34,8 @@ ROTATION = np.arange(3)
 STEPS = 3
 #: Least noise of a view, over the one that it states, that is told from none.
 LEAST_NOISE = 0.1
+#: Misfit, over that of the stated noise, below which what is left is rounding.
+NOISELESS = 1e-9
 #: Misfit after an exchange, over that of the other views, above which it explains nothing.
 EXCHANGED = 4.0
 
@@ -81,14 +83,19 @@ def _own_noise(
         That variance, and the criterion of that kind.
     """
     freedom = fit.dof - others.dof
-    if freedom <= 0 or others.dof <= 0 or others.squares <= 0:
+    if freedom <= 0 or others.dof <= 0:
+        return
+    if min(scale, others.squares / others.dof) <= NOISELESS:
         return
     even = others.squares / others.dof
+    # The others predict what their poses have wrong in common too. By `own` that does not count: it
+    # is few numbers, and a sum of squares over pixels may have them all for noise, or for none.
+    own = max((fit.squares - others.squares) / (freedom * even), LEAST_NOISE**2)
     # Of what the others predict: a view that states too little noise bends the fit of all to it.
     off = others.velocity(k) - others.predicted(k)
     predicted = others.prediction_variance(k) - 1.0
     ratio = max(float(np.mean(off**2 / even - predicted)), LEAST_NOISE**2)
-    gained = fit.dof * np.log(scale / even) - freedom * np.log(ratio)
+    gained = fit.dof * np.log(scale / even) - freedom * np.log(own)
     criterion = float(least - gained + np.log(fit.dof))
     yield Explanation((k,), "own_noise", criterion, noise=float(np.sqrt(ratio)), misfit=even)
 
