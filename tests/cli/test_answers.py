@@ -129,7 +129,7 @@ def test_a_spoilt_answer_is_not_given(cache, said):
 
 
 def test_without_a_cache_the_program_answers(said, monkeypatch):
-    monkeypatch.setattr(kept, "_folder", lambda: "")
+    monkeypatch.setattr(kept, "private_folder", lambda name: "")
     first = said("--cfg", "job")
     assert said("--cfg", "job") == (*first[:3], 2)
 
