@@ -112,15 +112,12 @@ def _write(tree: xr.DataTree, path: Path) -> None:
     writes the next: with hundreds of variables this takes most of the time.
     """
     writer = _Waiting()
-    root = xr.backends.NetCDF4DataStore.open(path, mode="w", format="NETCDF4", auto_complex=True)
-    try:
+    with netCDF4.Dataset(path, "w", auto_complex=True) as file:
         for node in tree.subtree:
-            top = node is tree
-            store = root if top else root.get_child_store(node.path)
-            node.to_dataset(inherit=top).dump_to_store(store, writer=writer)
+            group = file if node is tree else file.createGroup(node.path)
+            store = xr.backends.NetCDF4DataStore(group, mode="a")
+            node.to_dataset(inherit=False).dump_to_store(store, writer=writer)
         writer.write()
-    finally:
-        root.close()
 
 
 class _Waiting:

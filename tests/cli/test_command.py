@@ -124,11 +124,11 @@ def test_run_says_how_it_was_made(sldvexp, tmp_path):
 
 
 def test_write_that_fails_leaves_nothing(sldvexp, monkeypatch):
-    def half(path, **__):
+    def half(_, path):
         Path(path).write_bytes(b"half")
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(xr.backends.NetCDF4DataStore, "open", half)
+    monkeypatch.setattr("sldvexp.dataset.store._write", half)
     done = sldvexp(*QUICK)
     assert done.status == 1
     file = done.folder / ".new-run/run.nc"

@@ -119,8 +119,8 @@ def interrupt(*_, **__):
     signal.raise_signal(signal.SIGTERM)
 
 
-#: What opens the file that a run is written to.
-OPENED = "xarray.backends.NetCDF4DataStore.open"
+#: What writes the file of a run.
+WRITTEN = "sldvexp.dataset.store._write"
 FAILED = {
     "a missing file": (
         ["instrument.path=nope.csv"],
@@ -136,7 +136,7 @@ FAILED = {
         1,
         "vtu needs a field over",
     ),
-    "a full disk": ([], [], (OPENED, no_space), 1, "No space left on device"),
+    "a full disk": ([], [], (WRITTEN, no_space), 1, "No space left on device"),
     "a signal": ([], [], ("sldvexp.dataset.save", interrupt), 143, "interrupted"),
 }
 

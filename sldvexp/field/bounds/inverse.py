@@ -96,7 +96,7 @@ class WholeInverse(InverseRows):
             The second diagonal, summed over the own nodes.
         """
         rows, p = scipy.sparse.hstack(influences, format="csr"), self.parameters
-        rows = rows * np.sqrt(np.concatenate(variances))
+        rows = (rows * np.sqrt(np.concatenate(variances))).tocsr()  # which older scipy has as COO
         apart = p if len(self.inverse) < rows.shape[0] else 1  # components that do not couple
         nodal, fitted = np.empty(rows.shape[0]), np.empty(rows.shape[0])
         size = np.einsum("ij,ij->i", self.inverse, self.inverse)
