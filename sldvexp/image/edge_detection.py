@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from sldvexp.image.edge_profile import NARROWEST, Profiles, fit_profiles
 from sldvexp.image.scan_lines import Reason, ScanLineEdges, ScanLines, is_edge
 from sldvexp.lazy import scipy
+from sldvexp.statistics import NORMAL_MEDIAN
 from sldvexp.typing import Array, BoolArray, IndexArray
 
 #: Median windows of the coarse and the fine lines (Section 4.5.2), pixels.
@@ -212,8 +213,6 @@ UNRESOLVED = 0.4
 LOCKING = 0.03
 #: Keeps a line without any gradient from dividing by zero.
 TINY = np.finfo(float).tiny
-#: Median of the absolute value of a standard normal variable.
-NORMAL_MEDIAN = 0.6745
 
 
 @dataclass(frozen=True, eq=False)
