@@ -17,6 +17,10 @@ from numpy.typing import ArrayLike
 from sldvexp.lazy import scipy
 from sldvexp.typing import Array, BoolArray
 
+#: Median of the absolute value of a standard normal variable: robust standard deviations are the
+#: median size over it.
+NORMAL_MEDIAN = 0.6745
+
 
 @dataclass(frozen=True)
 class FTest:

@@ -30,10 +30,8 @@ from sldvexp.geometry.conic import (
     shape_matrix,
     signed_distance,
 )
+from sldvexp.statistics import NORMAL_MEDIAN
 from sldvexp.typing import Array, BoolArray
-
-#: Median of the absolute value of a standard normal variable.
-NORMAL_MEDIAN = 0.6745
 
 #: Residuals below this many steps are rounding.
 ROUNDING = 1e-9

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from sldvexp.image.edge_profile import NARROWEST, Profiles, fit_profiles
 from sldvexp.image.scan_lines import Reason, ScanLineEdges, ScanLines, is_edge
 from sldvexp.lazy import scipy
+from sldvexp.statistics import NORMAL_MEDIAN
 from sldvexp.typing import Array, BoolArray, IndexArray
 
 #: Median windows of the coarse and the fine lines (Section 4.5.2), pixels.
@@ -212,8 +213,6 @@ UNRESOLVED = 0.4
 LOCKING = 0.03
 #: Keeps a line without any gradient from dividing by zero.
 TINY = np.finfo(float).tiny
-#: Median of the absolute value of a standard normal variable.
-NORMAL_MEDIAN = 0.6745
 
 
 @dataclass(frozen=True, eq=False)
@@ -229,8 +228,6 @@ class Candidates:
         Pixels within reach, on the same line.
     counts : ndarray of bool, shape (n, 2 REACH + 1)
         Which of those are there and not flagged.
-    inside : ndarray of int, shape (n,)
-        How many of those the line has.
     edge, std : ndarray, shape (n,), steps
         Place along the line by the parabola, and its standard error.
     width : ndarray, shape (n,), steps
@@ -245,7 +242,6 @@ class Candidates:
     rising: BoolArray
     around: IndexArray
     counts: BoolArray
-    inside: IndexArray
     edge: Array
     std: Array
     width: Array
@@ -292,18 +288,7 @@ def candidates(lines: ScanLines, edges_per_line: int, window: int) -> Candidates
     square = (contrast / (np.abs(slope) + TINY)) ** 2 / (2.0 * np.pi) - pitch**2 / 3.0
     width = np.sqrt(np.maximum(square, 0.0))
     return Candidates(
-        line,
-        pixel,
-        rising,
-        around,
-        counts,
-        inside.sum(axis=1),
-        edge,
-        error,
-        width,
-        before,
-        after,
-        reason,
+        line, pixel, rising, around, counts, edge, error, width, before, after, reason
     )
 
 
@@ -360,7 +345,10 @@ def _sides(values: Array, std: Array, counts: BoolArray) -> tuple[Array, Array, 
 
 def _median(values: Array, counts: BoolArray) -> Array:
     """Take the median of the values that count in each row; if none, the largest number."""
-    return np.asarray(np.ma.median(np.ma.array(values, mask=~counts), axis=1).filled(np.inf))
+    ordered = np.sort(np.where(counts, values, np.inf), axis=1)
+    last = np.maximum(counts.sum(axis=1) - 1, 0)
+    rows = np.arange(len(ordered))
+    return np.asarray((ordered[rows, last // 2] + ordered[rows, (last + 1) // 2]) / 2.0)
 
 
 def _parabola(

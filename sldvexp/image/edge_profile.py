@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sldvexp.lazy import scipy
+from sldvexp.statistics import NORMAL_MEDIAN
 from sldvexp.typing import Array, BoolArray
 
 #: Steps of Levenberg-Marquardt; about eight suffice from a gradient edge.
@@ -29,8 +30,6 @@ NARROWEST = 0.3
 REJECT = 5.0
 #: Stands for zero where a division needs a number.
 TINY = 1e-30
-#: Median of the absolute value of a standard normal variable.
-NORMAL_MEDIAN = 0.6745
 
 
 @dataclass(frozen=True, eq=False)

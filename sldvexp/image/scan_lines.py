@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from dataclasses import dataclass
 from enum import Enum
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -86,7 +87,7 @@ class ScanLines:
         unknown = np.logical_not(finite | self.flag)
         self._refuse(unknown, "has no finite magnitude with a positive standard error")
         self._refuse(~np.isfinite(self.position.sum(axis=-1)), "has no finite position")
-        along, beside = self._frame()
+        along, beside = self._frame
         aside = np.abs(beside)
         farthest = aside == aside.max(axis=1, keepdims=True)
         crooked = (aside > STRAIGHT) & farthest
@@ -138,7 +139,7 @@ class ScanLines:
     @property
     def along(self) -> Array:
         """Distance of each pixel along its line from `origin`, shape (line, pixel), steps."""
-        return self._frame()[0]
+        return self._frame[0]
 
     @property
     def pitch(self) -> Array:
@@ -152,7 +153,7 @@ class ScanLines:
         not square to the line in proportion to q and to the pixel's weight in the fit of a profile,
         the square of its slope; an edge is placed beside the line by the mean q of that weight.
         """
-        along, beside = (values[line] for values in self._frame())
+        along, beside = (values[line] for values in self._frame)
         reach = np.maximum(width, self.pitch[line] / 2)[:, None]
         exponent = ((along - edge[:, None]) / reach) ** 2
         weight = np.exp(exponent.min(axis=1, keepdims=True) - exponent)
@@ -169,8 +170,9 @@ class ScanLines:
             values[k] = np.interp(t, t[good], values[k, good])
         return values
 
+    @cached_property
     def _frame(self) -> tuple[Array, Array]:
-        """Find coordinates of the pixels along and across their line."""
+        """Coordinates of the pixels along and across their line, which every edge asks for."""
         away = self.position - self.origin[:, None]
         x, y = np.moveaxis(self.direction[:, None], -1, 0)
         return away[..., 0] * x + away[..., 1] * y, away[..., 1] * x - away[..., 0] * y

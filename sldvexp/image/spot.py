@@ -25,6 +25,7 @@ import numpy as np
 from sldvexp.geometry import conic
 from sldvexp.geometry.blurred_disc import part_of_disc
 from sldvexp.image.edge_profile import fit_profiles
+from sldvexp.statistics import NORMAL_MEDIAN
 from sldvexp.typing import Array
 
 #: Pixels of a computed profile, and nodes of its light: exact to 1e-5 of it at 70 degrees.
@@ -42,8 +43,6 @@ ROUND = 0.2
 SLENDER = 3.0
 #: Widths farther than this many robust standard deviations from the spot's do not count.
 REJECT = 4.0
-#: Median of the absolute value of a standard normal variable.
-NORMAL_MEDIAN = 0.6745
 #: Widths below this part of the usual one are no better known than it.
 NARROW = 0.1
 #: Smallest cosine between a scan line and an edge's normal for which the line crosses the edge.

@@ -24,6 +24,7 @@ import numpy as np
 
 from sldvexp.image.scan_lines import ScanLineEdges, ScanLines
 from sldvexp.lazy import scipy
+from sldvexp.statistics import NORMAL_MEDIAN
 from sldvexp.typing import Array
 
 #: By how much the motion differs between middle and edge, relative: its standard deviation where
@@ -33,8 +34,6 @@ USUAL, MOST = 0.1, 0.5
 ROUNDS = 2
 #: Pixels farther from the model than this many robust standard deviations do not count.
 REJECT = 4.0
-#: Median of the absolute value of a standard normal variable.
-NORMAL_MEDIAN = 0.6745
 
 
 def even_edges(

@@ -23,7 +23,7 @@ from sldvexp.laser import PartOutline, TwoMirror, steps_of_dac
 from sldvexp.lazy import scipy
 from sldvexp.lazy import xarray as xr
 from sldvexp.pose.least_squares import turned
-from sldvexp.statistics import f_test
+from sldvexp.statistics import NORMAL_MEDIAN, f_test
 from sldvexp.typing import Array, BoolArray
 
 #: Part of the outline's extent in steps within which edges are matched to it.
@@ -34,8 +34,6 @@ NEAR = 0.01
 CUTOFF, WIDER, SHRINKING = 4.7, 30.0, 0.7
 #: Steps with shrinking cutoff, then most steps to the least squares.
 ROBUST_STEPS, STEPS = 14, 30
-#: Median of the absolute value of a standard normal variable.
-NORMAL_MEDIAN = 0.6745
 #: Relative size of a step that is none, and damping relative to the curvature.
 SETTLED, DAMPING = 1e-10, 1e-9
 #: Longest step, rad and m: a rough pose is not further away.

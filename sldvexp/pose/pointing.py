@@ -196,9 +196,10 @@ def _settle(
     tried = [replace(e, std=np.full_like(e.std, typical)) for e in edges]
     std = np.full(len(edges), np.inf)
     for _ in range(ROUNDS):
-        fits = [fit_circle(pinhole_edges(laser, e)) for e in tried]
-        each = zip(edges, tried, fits, strict=True)
-        residuals = [_beside_ellipse(stated, e, *fit) for stated, e, fit in each]
+        given = [pinhole_edges(laser, e) for e in tried]
+        fits = [fit_circle(e) for e in given]
+        each = zip(edges, tried, given, fits, strict=True)
+        residuals = [_beside_ellipse(stated, e, seen, *fit) for stated, e, seen, fit in each]
         before, std = std, np.empty(len(edges))
         for group in groups:
             std[group] = np.sqrt(pointing_variance([residuals[k] for k in group]))
@@ -209,12 +210,24 @@ def _settle(
 
 
 def _beside_ellipse(
-    stated: ScanLineEdges, tried: ScanLineEdges, fit: ConicFit, moved: ScanLineEdges
+    stated: ScanLineEdges,
+    tried: ScanLineEdges,
+    given: ScanLineEdges,
+    fit: ConicFit,
+    moved: ScanLineEdges,
 ) -> EllipseResiduals:
-    """Take the distances of edges that are no outliers, from across the edge to along the line."""
+    """Take the distances of edges that are no outliers, from across the edge to along the line.
+
+    Parameters
+    ----------
+    stated, tried, given
+        As measured, with the errors that are tried, and the latter in pinhole coordinates.
+    fit, moved
+        Of the given ones. What a wide spot adds to their errors is no distance.
+    """
     numbers = fit.ellipse.parameters
     _, normal = signed_distance(moved.position, numbers)
-    across = (fit.residual_std / tried.std)[:, None]
+    across = (fit.residual_std / tried.std * (given.std / moved.std))[:, None]
     y, x = (moved.position - fit.ellipse.centre).T[::-1]
     found = EllipseResiduals(
         fit.residual / across[:, 0],

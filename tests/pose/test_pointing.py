@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from sldvexp.dataset import Severity
+from sldvexp.image.pinhole import WIDEST, blur
 from sldvexp.laser import TwoMirror
 from sldvexp.laser.two_mirror import Board
 from sldvexp.pose import half_width
@@ -250,3 +251,18 @@ def test_right_circles_and_mirrors_raise_no_alarm(edge_lab, pointing, method):
     alarms = [{kind for kind, _ in found} - {"pointing"} for found in told]
     most = 0.01 * sessions + 3 * np.sqrt(0.01 * sessions)
     assert sum(map(bool, alarms)) <= most
+
+
+@pytest.mark.parametrize("wide", [(0,), (0, 1, 2, 3)])
+def test_what_a_spot_that_is_too_wide_adds_to_errors_does_not_hide_the_noise(edge_lab, wide):
+    """Such a circle's edges scatter about its ellipse as those of others do."""
+    lab = edge_lab(**STATED, pointing=0.1)
+    edges = list(lab.edges(np.random.default_rng(3))["a"].values())
+    for k in wide:
+        width = 0.4 * np.ptp(edges[k].position, axis=0).min() / 2
+        edges[k] = replace(edges[k], width=np.full_like(edges[k].width, width))
+    found, fits = find_pointing(edges, lab.laser)
+    assert [k for k, fit in enumerate(fits) if blur(*fit) > WIDEST] == list(wide)
+    assert found.differ > FALSE_ALARM
+    # Of 156 degrees of freedom, 4 standard errors.
+    assert found.std == pytest.approx(0.1, rel=0.25)
