@@ -73,7 +73,11 @@ def _own_noise(
     """Yield a noise of its own of one view, which no other kind of mistake leaves.
 
     By ``-2 log L``: the n numbers of a view have the variance v_k and all N - n others v, in place
-    of one variance of all, which is what the best other kind leaves.
+    of one variance of all, which is what the best other kind leaves. What the view adds to the
+    misfit tells v_k: it leaves out what the poses of the others have wrong in common, few numbers
+    that a sum of squares over pixels would have for noise. Of its n numbers the view determines q
+    of the field by itself, and these have the variance v that the fit counts on:
+    ``T - T_-k = q v + (n - q) v_k``.
 
     Parameters
     ----------
@@ -83,21 +87,17 @@ def _own_noise(
         That variance, and the criterion of that kind.
     """
     freedom = fit.dof - others.dof
-    if freedom <= 0 or others.dof <= 0:
-        return
-    if min(scale, others.squares / others.dof) <= NOISELESS:
+    free = freedom - fit.determined_by(k)
+    if free <= 0 or others.dof <= 0:
         return
     even = others.squares / others.dof
-    # The others predict what their poses have wrong in common too. By `own` that does not count: it
-    # is few numbers, and a sum of squares over pixels may have them all for noise, or for none.
-    own = max((fit.squares - others.squares) / (freedom * even), LEAST_NOISE**2)
-    # Of what the others predict: a view that states too little noise bends the fit of all to it.
-    off = others.velocity(k) - others.predicted(k)
-    predicted = others.prediction_variance(k) - 1.0
-    ratio = max(float(np.mean(off**2 / even - predicted)), LEAST_NOISE**2)
-    gained = fit.dof * np.log(scale / even) - freedom * np.log(own)
+    if min(scale, even) <= NOISELESS:
+        return
+    added = (fit.squares - others.squares) / (freedom * even)
+    gained = fit.dof * np.log(scale / even) - freedom * np.log(max(added, LEAST_NOISE**2))
+    noise = float(np.sqrt(max(1 + (added - 1) * freedom / free, LEAST_NOISE**2)))
     criterion = float(least - gained + np.log(fit.dof))
-    yield Explanation((k,), "own_noise", criterion, noise=float(np.sqrt(ratio)), misfit=even)
+    yield Explanation((k,), "own_noise", criterion, noise=noise, misfit=even)
 
 
 class Tried(NamedTuple):

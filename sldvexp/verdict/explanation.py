@@ -81,9 +81,9 @@ class Explanation:
     view : tuple of int
         That are wrong; none for a clean session.
     kind : str
-        ``clean``, ``sign``, ``conjugate``, ``rms``, ``inverse_rms``, ``gain``, ``phase``,
-        ``factor``, ``pose``, ``direction``, ``other_field``, ``other_values``, ``own_noise``,
-        ``offset`` or ``exchanged``.
+        ``clean``, ``sign``, ``conjugate``, ``conjugate_sign``, ``rms``, ``inverse_rms``, ``gain``,
+        ``phase``, ``factor``, ``pose``, ``direction``, ``other_field``, ``other_values``,
+        ``own_noise``, ``offset`` or ``exchanged``.
     criterion : float
         The smaller, the better.
     factor : complex

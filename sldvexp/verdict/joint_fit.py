@@ -244,6 +244,11 @@ class JointFit:
         unknowns = round(np.trace(self._inverse(self._normal)))
         return int(self.channels * (self.count - unknowns))
 
+    def determined_by(self, k: int) -> float:
+        """Count the field's numbers that a view determines, out of all that the views do."""
+        normal = self.factor.get(k, 1.0) ** 2 * self.designs[k].normal
+        return float(self.channels * np.trace(self._inverse(normal)))
+
     def left(self, k: int) -> Array:
         """Give what field and pose leave of a view, shape (present, channel)."""
         found = self.velocity(k) - self.predicted(k)

@@ -308,7 +308,53 @@ def _give_or_take(std: float, unit: str = "") -> str:
 
 def sentence(names: Sequence[str], of: Explanation) -> str:
     """Say what is wrong with a view."""
-    view, c = _views(names, of.view), of.factor
+    view = _views(names, of.view)
+    match of.kind:
+        case "pose":
+            turned = np.degrees(np.linalg.norm(of.pose[:3]))
+            away = 1e3 * np.linalg.norm(of.pose[3:])
+            return (
+                f"{view} was not taken from where its pose says: it fits turned by "
+                f"{turned:.2g} deg and moved by {away:.2g} mm; was the tripod knocked?"
+            )
+        case "direction":
+            told = "looks from another direction than is stated: is the sign of an angle wrong?"
+            return f"{view} {told}"
+        case "offset":
+            return (
+                f"{view} has a velocity of its own, the same at all pixels, beside what the others "
+                "predict: does the instrument itself vibrate, or is there crosstalk?"
+            )
+        case "own_noise" if of.noise < 1:
+            return (
+                f"{view} lies only {of.noise:.3g} times its stated noise off what the others "
+                "predict: is the noise of its pixels stated too large?"
+            )
+        case "own_noise":
+            return (
+                f"{view} lies {of.noise:.3g} times its stated noise off what the others predict, "
+                "in no pattern: is its noise larger, are its pixels or lines in another order, or "
+                "are its largest values cut off?"
+            )
+        case "other_values":
+            return (
+                f"{view} has other values than the others predict at {_listed(of.places)} alone: "
+                "is a number misread, or are points or lines exchanged?"
+            )
+        case "other_field":
+            return (
+                f"{view} shows another field: another frequency, another excitation, or a pose "
+                "far off"
+            )
+        case "exchanged":
+            return f"{view} are exchanged: each has the velocities of the other"
+        case _:
+            return _sentence_of_factor(view, of)
+
+
+def _sentence_of_factor(view: str, of: Explanation) -> str:
+    """Say by which factor a view is wrong, and why it may be."""
+    c = of.factor
     gain, phase = abs(c) - 1, np.degrees(np.angle(c))
     gain_std, phase_std = of.factor_std[0], np.degrees(of.factor_std[1])
     factor = f"{_complex(c)}{_give_or_take(gain_std)}"
@@ -344,46 +390,8 @@ def sentence(names: Sequence[str], of: Explanation) -> str:
             )
         case "gain":
             return f"{view} is {abs(c):.4g} times what the others predict: are its units others?"
-        case "factor":
-            return f"{view} is {factor} times what the others predict"
-        case "pose":
-            turned = np.degrees(np.linalg.norm(of.pose[:3]))
-            away = 1e3 * np.linalg.norm(of.pose[3:])
-            return (
-                f"{view} was not taken from where its pose says: it fits turned by "
-                f"{turned:.2g} deg and moved by {away:.2g} mm; was the tripod knocked?"
-            )
-        case "direction":
-            told = "looks from another direction than is stated: is the sign of an angle wrong?"
-            return f"{view} {told}"
-        case "offset":
-            return (
-                f"{view} has a velocity of its own, the same at all pixels, beside what the others "
-                "predict: does the instrument itself vibrate, or is there crosstalk?"
-            )
-        case "own_noise" if of.noise < 1:
-            return (
-                f"{view} lies only {of.noise:.3g} times its stated noise off what the others "
-                "predict: is the noise of its pixels stated too large?"
-            )
-        case "own_noise":
-            return (
-                f"{view} lies {of.noise:.3g} times its stated noise off what the others predict, "
-                "in no pattern: is its noise larger, are its pixels or lines in another order, or "
-                "are its largest values cut off?"
-            )
-        case "other_values":
-            return (
-                f"{view} has other values than the others predict at {_listed(of.places)} alone: "
-                "is a number misread, or are points or lines exchanged?"
-            )
-        case "exchanged":
-            return f"{view} are exchanged: each has the velocities of the other"
         case _:
-            return (
-                f"{view} shows another field: another frequency, another excitation, or a pose "
-                "far off"
-            )
+            return f"{view} is {factor} times what the others predict"
 
 
 def shows_nothing(of: Explanation) -> bool:

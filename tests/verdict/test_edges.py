@@ -178,11 +178,19 @@ def test_noise_of_one_view_that_is_larger_than_stated_is_named(times):
 
 
 @pytest.mark.whole
+def test_noise_of_one_view_is_told_apart_from_what_loose_poses_have_wrong_in_common():
+    views = [replace(view, covariance=100 * view.covariance) for view in changed(noisier(1.6), 2)]
+    [found] = [f for f in examined(views).findings if f.kind == "own_noise"]
+    assert found.subject == "view v3"
+    assert found.size == pytest.approx(1.6, rel=0.1)
+
+
+@pytest.mark.whole
 def test_noise_that_one_view_states_too_small_is_named_once():
     views = changed(lambda v: replace(v, std=v.std / 8), 2)
     [found] = [f for f in examined(views).findings if f.severity is not Severity.note]
     assert (found.kind, found.subject) == ("own_noise", "view v3")
-    assert found.size == pytest.approx(8, rel=0.25)
+    assert found.size == pytest.approx(8, rel=0.1)
 
 
 @pytest.mark.whole

@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
 from functools import cache
-from importlib.util import find_spec
 from threading import Lock
 from typing import Any
 
@@ -159,11 +158,9 @@ def kernels_for(visibility: VolumeVisibility) -> CompiledKernels | None:
 @cache
 def _compiled() -> CompiledKernels | None:
     """Load the compiler, if it is installed and whole."""
-    if find_spec("numba") is None:
-        return None
     try:
         import numba
-    except ImportError:  # as where it does not go with numpy's version
+    except ImportError:  # also where it does not go with numpy's version
         return None
     config: Any = numba.config
     told, folder = config.CACHE_DIR, private_folder(FOLDER)

@@ -22,7 +22,7 @@ from sldvexp.field.visibility.rest import (
     limit_of,
     sizes,
 )
-from sldvexp.field.visibility.view import RESTS, views_of
+from sldvexp.field.visibility.view import RESTS, shape_of, views_of
 from sldvexp.laser import TwoMirror
 from sldvexp.lazy import xarray as xr
 from sldvexp.typing import Array, BoolArray
@@ -64,9 +64,7 @@ def _told(image: xr.Dataset, work: Work) -> xr.Dataset:
     usable = np.asarray(image["flags"].values == 0)
     each = [*work.map(_of_pixels, ((velocity[p], std[p], usable[p]) for p in pieces(image)))]
     size, known = (np.concatenate([of[i] for of in each]) for i in (0, 1))
-    # Without an imaginary part anywhere there is one degree of freedom a line.
-    phase = np.array([1j if any(imaginary for _, _, imaginary in each) else 1.0])
-    limit = limit_of(phase, image.sizes["frequency"])
+    limit = limit_of(image.sizes["frequency"], any(imaginary for _, _, imaginary in each))
     off = _breaks_off(image, size, usable & known, limit, work)
     unknown = np.where(known, 0, 1).astype(np.uint8)  # which is complained about later
     small = image[["dac"]].drop_vars("frequency", errors="ignore")
@@ -93,10 +91,9 @@ def _breaks_off(
     image: xr.Dataset, size: Array, usable: BoolArray, limit: float, work: Work
 ) -> BoolArray:
     """Find where an image breaks off at its border, see `RestSums`."""
-    shape, nothing = image.attrs.get("shape"), np.zeros(len(usable), bool)
-    if shape is None or not is_lattice(shape):
+    lattice, nothing = shape_of(image), np.zeros(len(usable), bool)
+    if not is_lattice(lattice):
         return nothing
-    lattice = int(shape[0]), int(shape[1])
     rests = (~usable | (size < limit)).reshape(lattice)
     if not any(np.rot90(rests, turn)[0].any() for turn in range(4)):
         return nothing

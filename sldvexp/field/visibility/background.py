@@ -100,7 +100,7 @@ def _on_surface(view: View, laser: TwoMirror, prisms: Prisms) -> BoolArray:
 
 def _in_blocks(view: View, rests: BoolArray, breaks_off: BoolArray) -> BoolArray:
     """Keep pixels that rest together."""
-    if view.shape is not None and is_lattice(view.shape):
+    if is_lattice(view.shape):
         block = np.ones((2, 2), bool)
         together = scipy.ndimage.binary_opening(rests.reshape(view.shape), block)
         # The outermost line rests together with what would be beyond it.

@@ -7,6 +7,7 @@ leave noise out: rest cannot be told by those.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TypeGuard
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,13 +59,15 @@ def sizes(velocity: NDArray[np.complexfloating], std: Array, usable: BoolArray) 
     return found
 
 
-def limit_of(velocity: NDArray[np.complexfloating], lines: int) -> float:
+def limit_of(lines: int, has_phase: bool) -> float:
     """Give the sum of squares over variances that a pixel at rest exceeds at `AT_REST`.
 
-    Velocities have a real and an imaginary part, unless none has an imaginary one.
+    Parameters
+    ----------
+    has_phase : bool
+        Velocities have a real and an imaginary part; otherwise none has an imaginary one.
     """
-    parts = 2 if np.imag(velocity).any() else 1
-    return float(scipy.special.chdtri(parts * lines, AT_REST))
+    return float(scipy.special.chdtri((2 if has_phase else 1) * lines, AT_REST))
 
 
 #: Sums of the four borders of a lattice, shape (3, pixel of the border): see `border_sums`.
@@ -120,7 +123,7 @@ def breaks_off(
     return found.ravel()
 
 
-def is_lattice(shape: tuple[int, int] | None) -> bool:
+def is_lattice(shape: tuple[int, int] | None) -> TypeGuard[tuple[int, int]]:
     """Tell whether pixels are in rows and columns, two at least."""
     return shape is not None and min(shape) >= 2
 
@@ -132,8 +135,8 @@ def rest_sums(
     shape: tuple[int, int] | None,
 ) -> RestSums:
     """Sum over lines that are all in memory, shape (pixel, frequency)."""
-    limit = limit_of(velocity[usable], velocity.shape[1])
+    limit = limit_of(velocity.shape[1], bool(np.imag(velocity[usable]).any()))
     off = np.zeros(len(velocity), bool)
-    if shape is not None and is_lattice(shape):
+    if is_lattice(shape):
         off = breaks_off(border_sums(velocity, std, usable, shape), limit, usable, shape)
     return RestSums(sizes(velocity, std, usable), limit, off)

@@ -311,7 +311,6 @@ def _view(name: str, pose: xr.Dataset, image: xr.Dataset, nominal: Array) -> Vie
     """Make one view from its pose and its image."""
     covariance = pose["covariance"].sel(parameter=list(EXTRINSICS), parameter2=list(EXTRINSICS))
     velocity = image["velocity"].values.astype(complex)
-    shape = image.attrs.get("shape")
     return View(
         name,
         pose["rotation"].values,
@@ -321,11 +320,17 @@ def _view(name: str, pose: xr.Dataset, image: xr.Dataset, nominal: Array) -> Vie
         velocity.reshape(len(velocity), -1),
         image["velocity_std"].values.astype(float),
         image["flags"].values,
-        None if shape is None else (int(shape[0]), int(shape[1])),
+        shape_of(image),
         _intrinsics(pose, nominal),
         float(np.nan_to_num(pose["pointing_std"])) if "pointing_std" in pose else 0.0,
         _rest(image),
     )
+
+
+def shape_of(image: xr.Dataset) -> tuple[int, int] | None:
+    """Read how many rows and columns an image's pixels are in, where they are."""
+    shape = image.attrs.get("shape")
+    return None if shape is None else (int(shape[0]), int(shape[1]))
 
 
 def _rest(image: xr.Dataset) -> RestSums | None:

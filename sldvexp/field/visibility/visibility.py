@@ -131,7 +131,7 @@ class VolumeVisibility:
         self._occlusions = [self._occlusion(v) for v in self.views]
 
     def __getstate__(self) -> dict[str, Any]:
-        """Leave out what is remembered: another process remembers its own."""
+        """Leave out what is remembered: a copy and another process remember their own."""
         return {**self.__dict__, "_whole": None, "_errors": None, "common": None}
 
     @property
@@ -187,7 +187,6 @@ class VolumeVisibility:
         """Leave one view out, keeping all that is prepared and remembered of the others."""
         others = [i for i in range(len(self.views)) if i != k]
         left = copy(self)
-        left.common = None
         left.views = [self.views[i] for i in others]
         left._interpolators = [self._interpolators[i] for i in others]
         left._occlusions = [self._occlusions[i] for i in others]
@@ -201,14 +200,14 @@ class VolumeVisibility:
     def seen_by(self, views: Sequence[View]) -> Self:
         """Give the same images other poses."""
         moved = copy(self)
-        moved.views, moved._whole, moved.common = views, None, None
+        moved.views = views
         moved._occlusions = [moved._occlusion(v) for v in views]
         return moved
 
     def seen_with(self, laser: TwoMirror) -> Self:
         """Give the same images and poses another laser."""
         other = copy(self)
-        other.laser, other._whole, other.common = laser, None, None
+        other.laser = laser
         other._occlusions = [other._occlusion(v) for v in self.views]
         return other
 
