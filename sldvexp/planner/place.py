@@ -351,9 +351,9 @@ class StandExamination:
     directions : ndarray, shape (stand, node, 3)
         Unit vectors from the nodes to the stands.
     why : ndarray of int, shape (stand, node)
-        Why a node is not seen, a `Reason`.
+        Why a node is not seen, an `Unseen`.
     refused : ndarray of int, shape (stand,)
-        Why a stand is refused as a whole, a `Reason`.
+        Why a stand is refused as a whole, an `Unseen`.
     """
 
     origins: Array
