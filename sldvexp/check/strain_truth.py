@@ -33,7 +33,7 @@ class StrainTruth(Check):
     def examine(self, run: Examination) -> xr.Dataset:
         """Find errors and coverage of each strain at each frequency, and in all of them."""
         own = [run.groups["strain"]] if "strain" in run.groups else []
-        strains = own or list(run.below("compare_strain", "strain").values())
+        strains = own or list(run.below(dataset.COMPARED_STRAIN, "strain").values())
         if not strains or not run.has("truth", "strain"):
             raise UserError(
                 "check=strain_truth needs strains and the virtual lab's truth: choose "

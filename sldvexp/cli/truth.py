@@ -21,7 +21,6 @@ from sldvexp.config.paths import RUN_FILE
 from sldvexp.errors import UserError
 from sldvexp.geometry import vector_from_rotation
 from sldvexp.lazy import xarray as xr
-from sldvexp.pipeline.steps import COMPARED_STRAIN
 from sldvexp.sweep import recorded_config
 from sldvexp.virtual_lab.console import with_planned_stands
 from sldvexp.virtual_lab.field_truth import truth_of
@@ -94,7 +93,7 @@ def _of_field(e: Experiment, groups: dict[str, xr.Dataset]) -> Iterator[str]:
     if not hasattr(e.scene, "plate"):
         yield "field: the scene has no plate, so that its true velocity is not known"
         return
-    known = {**groups, "truth": truth_of(e, groups, COMPARED_STRAIN)}
+    known = {**groups, "truth": truth_of(e, groups)}
     seen = Examination(known, rng=np.random.default_rng(e.seed), experiment=e)
     found = Truth().examine(seen)
     for name in found["component"].values:

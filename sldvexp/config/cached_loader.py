@@ -165,30 +165,18 @@ class ShowingLoader(RememberingLoader):
     What cannot be composed in this way is composed as for a run, of which come all sentences.
     """
 
-    def _load_configuration_impl(
-        self,
-        config_name: str | None,
-        overrides: list[str],
-        run_mode: RunMode,
-        from_shell: bool = True,
-        validate_sweep_overrides: bool = True,
-    ) -> DictConfig:
-        asked = config_name, overrides, run_mode, from_shell, validate_sweep_overrides
+    def _on_top(self, overrides: list[Override], config_name: str | None) -> DictConfig:
         with suppress(Exception):
-            return self._of_table(config_name, overrides, run_mode)
-        return super()._load_configuration_impl(*asked)
+            return self._of_table(overrides, config_name)
+        return super()._on_top(overrides, config_name)
 
-    def _of_table(
-        self, config_name: str | None, overrides: list[str], run_mode: RunMode
-    ) -> DictConfig:
+    def _of_table(self, overrides: list[Override], config_name: str | None) -> DictConfig:
         """Compose the program's own files and schemas as they were read before."""
-        parsed = OverridesParser.create().parse_overrides(overrides)
-        self.validate_sweep_overrides_legal(parsed, run_mode, from_shell=True)
         table = SchemaTable()
         self.repository.table = table
         try:
             with table.of_classes():
-                composed = self._on_top(parsed, config_name)
+                composed = super()._on_top(overrides, config_name)
         finally:
             self.repository.table = None
         table.keep()

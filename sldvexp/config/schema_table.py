@@ -5,6 +5,10 @@ made of the dataclasses once for a state of the program and kept in the user's c
 what is read of it a class that is not loaded has a stand-in: a class of the same name, and of the
 same members if it is an enumeration. Nothing made of stand-ins leaves the composition; what cannot
 be composed with them is composed of the classes themselves.
+
+Measured is a fifth of the processor time of ``--cfg job`` with choices that were never shown before
+(median of 38 pairs 0.80, of the first two choices of a state of the program 0.92). All of it goes
+with `ShowingLoader`, `RememberingRepository.table` and the argument `shown` of `remembering`.
 """
 
 from __future__ import annotations

@@ -20,7 +20,7 @@ from sldvexp.dataset.findings import (
     views_without_pose,
     with_findings,
 )
-from sldvexp.dataset.run_data import RunData, Source, read_yaml
+from sldvexp.dataset.run_data import COMPARED_STRAIN, RunData, Source, read_yaml
 from sldvexp.dataset.store import (
     UNREADABLE,
     group,
@@ -39,6 +39,7 @@ from sldvexp.dataset.variables import AXES, CONVENTIONS, VARIABLES
 
 __all__ = [
     "AXES",
+    "COMPARED_STRAIN",
     "CONVENTIONS",
     "DAC",
     "FREQUENCY",

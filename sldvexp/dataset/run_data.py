@@ -34,6 +34,8 @@ class Result(Protocol):
 
 #: Variables that a sweep's dataset has of every run, besides its results.
 ABOUT = ("state", "reason", VERDICT, "seconds")
+#: Where the strains of compared methods lie.
+COMPARED_STRAIN = "compare_strain"
 
 #: What a run can be given as: an opened run.nc, its path, the groups of a run by their path, the
 #: result of a room (a pose, a field), or a sweep's dataset.

@@ -13,6 +13,7 @@ from sldvexp.check import Examination, evaluate
 from sldvexp.config.experiment import Experiment
 from sldvexp.config.paths import JOURNAL
 from sldvexp.dataset import (
+    COMPARED_STRAIN,
     MODAL_IMAGES,
     VERDICT,
     Finding,
@@ -33,8 +34,6 @@ from sldvexp.stopping import stopping_once
 COMPARED_SCANS = "compare_scan"
 #: Where the flags lie of images that stay in another file.
 FLAGGED = "flagged/"
-#: Where the strains of compared methods lie.
-COMPARED_STRAIN = "compare_strain/"
 
 #: Make a field by a method: its group, or that of splines on the surface and of their strain.
 Way = Callable[[Reconstruction], xr.Dataset]
@@ -389,7 +388,7 @@ def _reconstruct(
             run.tree[name], *strain = on_surface(method)
             compared = name.removeprefix("compare/")
             for found in strain:
-                run.tree["strain" if name == "field" else f"{COMPARED_STRAIN}{compared}"] = found
+                run.tree["strain" if name == "field" else f"{COMPARED_STRAIN}/{compared}"] = found
         except UserError as error:
             where = name.replace("/", ".") if "/" in name else "reconstruction"
             raise UserError(f"{where}: {error}") from None
@@ -399,7 +398,7 @@ def _reconstruct(
 
 def _truth(run: Run) -> None:
     """Add what truly happens at the field's nodes, which only a virtual lab can tell."""
-    run.tree["truth"] = virtual_lab.field_truth.truth_of(run.experiment, run.tree, COMPARED_STRAIN)
+    run.tree["truth"] = virtual_lab.field_truth.truth_of(run.experiment, run.tree)
 
 
 def _checks(run: Run) -> None:
@@ -554,7 +553,7 @@ STEPS: tuple[Step, ...] = (
         "compared fields",
         lambda e: bool(e.compare) and e.volume is not None and e.stream is None,
         _compared_fields,
-        makes=("compare/", COMPARED_STRAIN, f"{VERDICT}/compared"),
+        makes=("compare/", f"{COMPARED_STRAIN}/", f"{VERDICT}/compared"),
         needs=FIELDS_NEED,
         reads=(*SOLVING, "compare"),
     ),
@@ -562,7 +561,7 @@ STEPS: tuple[Step, ...] = (
         "streamed fields",
         lambda e: _reconstructs(e) and e.volume is not None and e.stream is not None,
         _streamed_fields,
-        makes=("field", "strain", "compare/", COMPARED_STRAIN, f"{VERDICT}/field"),
+        makes=("field", "strain", "compare/", f"{COMPARED_STRAIN}/", f"{VERDICT}/field"),
         needs=FIELDS_NEED,
         reads=(*SOLVING, "reconstruction", "compare"),
     ),
@@ -571,7 +570,7 @@ STEPS: tuple[Step, ...] = (
         lambda e: _reconstructs(e) and _has_truth(e),
         _truth,
         makes=("truth",),
-        needs=("field", "strain", COMPARED_STRAIN),
+        needs=("field", "strain", f"{COMPARED_STRAIN}/"),
     ),
     Step(
         "checks",

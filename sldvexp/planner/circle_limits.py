@@ -12,52 +12,40 @@ from dataclasses import replace
 import numpy as np
 
 from sldvexp.planner.images import Stand
-from sldvexp.planner.place import OBLIQUE, Place, Unseen
-from sldvexp.planner.search import drawn
-from sldvexp.planner.turning import turned_towards
-from sldvexp.typing import Array, BoolArray
+from sldvexp.planner.place import OBLIQUE, Place
+from sldvexp.planner.search import drawn, examined
+from sldvexp.typing import Array
 
-#: Part of the places of otherwise good stands that circles cost, from which that is said.
+#: Part of the places that see oblique circles: if fewer see them all less obliquely, that is said.
 MANY = 0.5
 
 
 def around(place: Place, rng: np.random.Generator) -> str:
-    """Say `oblique_told` of places that are drawn all around the surface."""
-    return oblique_told(place, drawn(place, rng))
-
-
-def oblique_told(place: Place, origins: Array) -> str:
     """Say that circles limit where stands can be, and what would change that; empty if not so.
 
-    Parameters
-    ----------
-    origins : ndarray, shape (stand, 3), m
-        Places all around the surface.
+    That is tried at places which are drawn all around the surface.
     """
     limit = place.room.incidence
-    if place.marks.circles is None or limit >= OBLIQUE or not len(origins):
+    if place.marks.circles is None or limit >= OBLIQUE:
         return ""
-    wider = replace(place, room=replace(place.room, incidence=OBLIQUE))
-    without = _good(wider, origins, but=Unseen.target_incidence)
-    now, then = _good(place, origins) & without, _good(wider, origins)
-    if now.sum() >= (1 - MANY) * then.sum() or not then.any():
+    origins = drawn(place, rng)
+    now = _feasible(place, origins)
+    then = _feasible(replace(place, room=replace(place.room, incidence=OBLIQUE)), origins)
+    if now >= MANY * then:
         return ""
     return (
         f"the circles of the calibration object limit the stands: of {len(origins)} places that "
-        f"were tried {now.sum()} see all of them within plan.room.incidence={limit:g} deg, and "
-        f"{then.sum()} within {OBLIQUE:g} deg, at which a spot that is small beside the circles "
-        "still finds them (one of a waist of 2 mm needs coarse.lines=9 of the scan of circles, and "
-        f"may miss some all the same): try plan.room.incidence={OBLIQUE:g}"
+        f"were tried {now} see all of them within plan.room.incidence={limit:g} deg, and {then} "
+        f"within {OBLIQUE:g} deg, at which a spot that is small beside the circles still finds "
+        "them (one of a waist of 2 mm needs coarse.lines=9 of the scan of circles, and may miss "
+        f"some all the same): try plan.room.incidence={OBLIQUE:g}"
     )
 
 
-def _good(place: Place, origins: Array, but: Unseen = Unseen.seen) -> BoolArray:
-    """Tell which places see the surface and the calibration object, one reason left out."""
-    _, rotations = turned_towards(origins, place.to_be_seen, place.laser)
-    refusals = place.refusals(origins, rotations)
-    out = np.any([refused for reason, refused in refusals.items() if reason != but], axis=0)
-    lost = np.any(list(place.losses(origins, rotations).values()), axis=0).all(axis=1)
-    return np.asarray(~out & ~lost)
+def _feasible(place: Place, origins: Array) -> int:
+    """Count the places that see something of the surface, and the calibration object."""
+    found = examined(place, origins)
+    return int((found.share > 0).sum())
 
 
 def hidden_told(stands: Sequence[Stand], place: Place) -> Iterator[str]:

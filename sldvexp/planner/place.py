@@ -9,8 +9,9 @@ or if it does not reach a corner of the region that is to be scanned.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntEnum
+from functools import cached_property
 
 import numpy as np
 
@@ -132,8 +133,6 @@ class Place:
         Corners of all that is imaged: the volume's outermost layers and their margin.
     region : ndarray, shape (corner, 3), m
         Corners of the region that the scan is told of in the world; none without.
-    structure : Structure
-        What hides the calibration object: the surface, and the region around it.
     """
 
     nodes: Array
@@ -146,7 +145,6 @@ class Place:
     both_sides: bool
     surface: Prisms
     clearance: float | None
-    structure: Structure
 
     @classmethod
     def from_experiment(cls, experiment: Experiment, new_stands: bool = True) -> Place:
@@ -174,12 +172,11 @@ class Place:
         marks = TargetMarks.from_target(experiment.target)
         room = experiment.plan.room
         grazing = np.cos(np.radians(room.incidence))
-        region = region_of(experiment.scan)
         place = cls(
             prisms.surface,
             prisms.frame,
             outline_of(prisms, volume.unit.value * volume.margin),
-            region,
+            region_of(experiment.scan),
             marks,
             experiment.laser,
             room.for_new_stands() if new_stands else room,
@@ -188,7 +185,6 @@ class Place:
             float(np.ptp(prisms.depth)) / 2 / grazing
             if hides_itself(prisms, volume.sight.both_sides)
             else None,
-            Structure.from_surface(prisms, region),
         )
         place._check_boxes()
         return place
@@ -198,6 +194,11 @@ class Place:
         """Middle of the surface, m."""
         return np.asarray((self.nodes.max(axis=0) + self.nodes.min(axis=0)) / 2)
 
+    @cached_property
+    def structure(self) -> Structure:
+        """Surface and region around it, which hide the calibration object."""
+        return Structure.from_surface(self.surface, self.region)
+
     @property
     def to_be_seen(self) -> Array:
         """Points that beams of every stand must reach together, shape (point, 3), m."""
@@ -205,15 +206,13 @@ class Place:
 
     def with_nodes(self, chosen: IntArray) -> Place:
         """Keep some nodes only."""
-        return Place(**{**vars(self), "nodes": self.nodes[chosen], "frame": self.frame[chosen]})
+        return replace(self, nodes=self.nodes[chosen], frame=self.frame[chosen])
 
     def with_usual_region(self) -> Place:
         """Have a region around the object scanned where nothing tells one."""
         if len(self.region):
             return self
-        region = region_around(self.outline, self.frame)
-        structure = Structure.from_surface(self.surface, region)
-        return Place(**{**vars(self), "region": region, "structure": structure})
+        return replace(self, region=region_around(self.outline, self.frame))
 
     def thinned(self) -> Place:
         """Keep so many nodes as stands are compared on, spread over the surface."""
@@ -351,9 +350,9 @@ class StandExamination:
     directions : ndarray, shape (stand, node, 3)
         Unit vectors from the nodes to the stands.
     why : ndarray of int, shape (stand, node)
-        Why a node is not seen, a `Reason`.
+        Why a node is not seen, an `Unseen`.
     refused : ndarray of int, shape (stand,)
-        Why a stand is refused as a whole, a `Reason`.
+        Why a stand is refused as a whole, an `Unseen`.
     """
 
     origins: Array

@@ -6,7 +6,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from sldvexp.dataset import RunData
+from sldvexp.dataset import COMPARED_STRAIN, RunData
 from sldvexp.geometry import peaks
 from sldvexp.lazy import xarray as xr
 
@@ -65,4 +65,4 @@ def strains_of(run: RunData) -> dict[str, xr.Dataset]:
     ['field', 'spline']
     """
     own = {"field": run.groups["strain"]} if run.has("strain", "frame") else {}
-    return own | run.below("compare_strain", "frame")
+    return own | run.below(COMPARED_STRAIN, "frame")

@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from sldvexp.dataset import COMPARED_STRAIN
 from sldvexp.lazy import xarray as xr
 from sldvexp.virtual_lab.plate import truth_to_dataset
 
 
-def truth_of(e: Any, tree: Mapping[str, xr.Dataset], compared: str) -> xr.Dataset:
+def truth_of(e: Any, tree: Mapping[str, xr.Dataset]) -> xr.Dataset:
     """Compute what truly happens in an experiment's scene at the nodes of a field; group ``truth``.
 
     Parameters
@@ -18,12 +19,10 @@ def truth_of(e: Any, tree: Mapping[str, xr.Dataset], compared: str) -> xr.Datase
         With a scene of a plate, and a scan of it.
     tree : mapping of str to xarray.Dataset
         Groups of the run, ``field`` and, if there is one, a strain.
-    compared : str
-        What names of the strains of compared methods begin with.
     """
     field = tree["field"]
     images = [part for part in e.scan.parts(e.scan.view_names()[0]) if part.kind == "image"]
-    names = (n for n in tree if n == "strain" or n.startswith(compared))
+    names = (n for n in tree if n == "strain" or n.startswith(f"{COMPARED_STRAIN}/"))
     strain = next((tree[name] for name in names), None)
     hertz = field["frequency"].values
     return truth_to_dataset(

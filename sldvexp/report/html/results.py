@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from sldvexp.dataset import FREQUENCY, VARIABLES, RunData
+from sldvexp.dataset import COMPARED_STRAIN, FREQUENCY, VARIABLES, RunData
 from sldvexp.lazy import xarray as xr
 from sldvexp.plot import strains_of
 from sldvexp.report.html import packing
@@ -220,7 +220,7 @@ def velocity_section(run: RunData) -> Section | None:
     points = [list(row) for row in known if not row[0].startswith("pose ")]
     if not fields and not points:
         return None
-    others = ("examined/", "strain", "compare_strain/")
+    others = ("examined/", "strain", f"{COMPARED_STRAIN}/")
     own = {k: group for k, group in run.groups.items() if not k.startswith(others)}
     blocks = having([HtmlTable.from_table(table) for table in field_tables(RunData(own))])
     if points:
