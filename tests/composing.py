@@ -23,7 +23,12 @@ def part(*overrides: str) -> DictConfig:
 
 def experiment(*overrides: str, config_dir: str | Path | None = None) -> Experiment:
     """Compose an experiment, with files of one's own folder too, and make its plugins."""
-    return schema.build(_composed("config", overrides, config_dir))
+    return schema.build(config(*overrides, config_dir=config_dir))
+
+
+def config(*overrides: str, config_dir: str | Path | None = None) -> DictConfig:
+    """Compose an experiment whose plugins are not made yet."""
+    return _composed("config", overrides, config_dir)
 
 
 def _composed(
@@ -33,7 +38,7 @@ def _composed(
     if config_dir is not None:
         path.prepend("command-line", f"file://{config_dir}")
     loader = RememberingLoader(path)
-    config = loader.load_configuration(name, [*overrides], RunMode.RUN)
-    with open_dict(config):
-        del config["hydra"]
-    return config
+    composed = loader.load_configuration(name, [*overrides], RunMode.RUN)
+    with open_dict(composed):
+        del composed["hydra"]
+    return composed

@@ -10,13 +10,11 @@ import time
 
 import numpy as np
 import pytest
-from hydra import compose, initialize_config_dir
 
-from sldvexp.config import hydra_plugin, schema
-from sldvexp.config.paths import conf_dir
 from sldvexp.instrument import Acquisition
 from sldvexp.instrument.visa import Visa
 from sldvexp.virtual_lab import LabServer, VirtualLab
+from tests.composing import experiment
 
 PIXELS, LINE, ROUNDS = 8000, 300, 3
 SECONDS = 5.0
@@ -30,10 +28,7 @@ BUSY = 0.5
 )
 def test_a_whole_calibration_object_in_a_moment() -> None:
     """The round that others disturbed least counts."""
-    hydra_plugin.install()
-    chosen = ["~experiment", "scene=calibration", "target=dissertation"]
-    with initialize_config_dir(str(conf_dir()), version_base="1.3"):
-        e = schema.build(compose("config", overrides=chosen))
+    e = experiment("~experiment", "scene=calibration", "target=dissertation")
     lab = VirtualLab(e.scene, e.laser, e.target, e.seed)
     dac = np.random.default_rng(1).integers(-700, 700, (PIXELS, 2))
     busy, took = [], []

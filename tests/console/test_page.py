@@ -11,10 +11,7 @@ from tests.console.served import Page, Served, bench_lab
 from tests.report import devtools
 from tests.report.opened import DESKTOP, PHONE
 
-pytestmark = [
-    pytest.mark.skipif(not devtools.PATH, reason="needs chromium"),
-    pytest.mark.xdist_group("browser"),
-]
+pytestmark = pytest.mark.skipif(not devtools.PATH, reason="needs chromium")
 FAULTS = """
 return axe.run().then((found) => found.violations.map((v) =>
   v.id + ": " + v.nodes.map((n) => n.html.slice(0, 100)).join(" | ")))

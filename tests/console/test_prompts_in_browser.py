@@ -17,7 +17,6 @@ from tests.report.opened import DESKTOP, PHONE
 
 pytestmark = [
     pytest.mark.skipif(not devtools.PATH, reason="needs chromium"),
-    pytest.mark.xdist_group("browser"),
     pytest.mark.whole,
 ]
 #: Views as they are called here and in the lab.

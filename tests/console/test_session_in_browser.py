@@ -16,7 +16,6 @@ from tests.report.opened import DESKTOP, PHONE
 
 pytestmark = [
     pytest.mark.skipif(not devtools.PATH, reason="needs chromium"),
-    pytest.mark.xdist_group("browser"),
     pytest.mark.whole,
 ]
 #: Places of the example's own operator in two of the views.

@@ -8,14 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
-from hydra import compose, initialize_config_dir
 
 from sldvexp import dataset
-from sldvexp.config import hydra_plugin
 from sldvexp.dataset.run_data import RunData
 from sldvexp.pipeline import runner
+from tests.composing import config
 
-CONF = Path(__file__).parents[2] / "conf"
 #: Not evenly spaced, and one with more digits than most formats have.
 FREQUENCIES = [195.0, 440.0, 545.012345]
 
@@ -43,10 +41,7 @@ class Made:
 
 
 def made(folder: Path, *overrides: str) -> Made:
-    hydra_plugin.install()
-    with initialize_config_dir(str(CONF), version_base="1.3"):
-        config = compose("config", overrides=list(overrides))
-    runner.run(config, str(folder), quiet=True)
+    runner.run(config(*overrides), str(folder), quiet=True)
     with dataset.load(folder / "run.nc") as tree:
         nodes = {n.path.strip("/"): n.to_dataset(inherit=False).load() for n in tree.subtree}
         return Made(nodes, dict(tree.attrs), folder)

@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from hydra import compose, initialize_config_dir
 from hypothesis import given
 from hypothesis import strategies as st
 from omegaconf import OmegaConf
 
-from sldvexp.config import hydra_plugin
 from sldvexp.errors import ConfigError, UserError
 from sldvexp.laser import Board, Mirror, TwoMirror
 from sldvexp.pose.rough_pose import predicted_steps
 from sldvexp.session.outline import _dac as outline_steps
 from sldvexp.units import AngleUnit
+from tests.composing import part
 
 
 @st.composite
@@ -51,10 +49,7 @@ def test_whole_steps_come_back_whole(mirror, board):
 
 @pytest.mark.parametrize(("name", "steps"), [("ometron", 4096), ("ometron_16bit", 32767)])
 def test_configured_lasers(name, steps):
-    conf = Path(__file__).parents[2] / "conf"
-    hydra_plugin.install()
-    with initialize_config_dir(str(conf), version_base="1.3"):
-        laser = OmegaConf.to_object(compose(overrides=[f"+laser={name}"]))["laser"]
+    laser = OmegaConf.to_object(part(f"+laser={name}"))["laser"]
     np.testing.assert_allclose(laser.angle_from_dac([steps, steps]), np.radians(25))
     # Figure 4.29 prints one deviation as 0.0055 deg and as 0.9039 of the 12-bit board's steps.
     printed = 0.0055 / 0.9039 * 4096 / steps

@@ -6,15 +6,13 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 
 import pytest
-from hydra import compose, initialize_config_dir
 
-from sldvexp.config import hydra_plugin, schema
-from sldvexp.config.paths import conf_dir
 from sldvexp.instrument import RawSamples, ScanningPlugin
 from sldvexp.pipeline.run_progress import RunProgress
 from sldvexp.progress import TimeLeft, doing
 from sldvexp.session import Operator, PartAhead, ViewAhead
 from sldvexp.session.session import scan_views
+from tests.composing import experiment
 
 VIEWS = "{{a: {0}, b: {0}, c: {0}}}"
 CORNERS = "{corners: [[-400, 140], [-400, -900], [400, -900], [400, 140]]}"
@@ -112,14 +110,12 @@ class Noted(RunProgress):
 
 def scanned(settings, folder, operator=None, **how):
     """Scan with the slow lab; what was told, and the relative errors of it by share done."""
-    hydra_plugin.install()
     chosen = ["~experiment", "target=dissertation", "signal=sine_fit", "instrument=simulated"]
-    with initialize_config_dir(str(conf_dir()), version_base="1.3"):
-        experiment = schema.build(compose("config", overrides=[*chosen, *settings]))
+    made = experiment(*chosen, *settings)
     clock = Clock()
-    experiment.instrument = Slow(experiment.instrument, clock, **how)
+    made.instrument = Slow(made.instrument, clock, **how)
     watcher = Noted(clock)
-    scan_views(experiment, folder, operator and operator(watcher, clock), watcher=watcher)
+    scan_views(made, folder, operator and operator(watcher, clock), watcher=watcher)
     errors = [
         (share, (left - (watcher.end - at)) / (watcher.end - at))
         for share, left, at in watcher.told

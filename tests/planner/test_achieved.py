@@ -15,7 +15,7 @@ from sldvexp.planner.files import as_pose
 from sldvexp.planner.images import Stand, stand_at
 from sldvexp.planner.place import Place
 from sldvexp.planner.search import candidates
-from tests.planner.planned_experiments import composed
+from tests.composing import experiment
 
 #: Bounds of 95 % of normal noise.
 QUANTILE = 1.959964
@@ -53,7 +53,7 @@ volume:
 def layout(seed: int) -> list[Stand]:
     """Draw three to eight feasible stands around the plate."""
     rng = np.random.default_rng(seed)
-    place = Place.from_experiment(composed("experiment=plate"))
+    place = Place.from_experiment(experiment("experiment=plate"))
     found = candidates(place.thinned(), 100, rng).examined.origins
     chosen = rng.choice(len(found), int(rng.integers(3, 9)), replace=False)
     return [stand_at(str(k + 1), origin, place) for k, origin in enumerate(found[chosen])]
@@ -75,7 +75,7 @@ def promised_and_reported(
     )
     (folder / "experiment/drawn.yaml").write_text(text)
     settings = ("experiment=drawn", f"seed={seed}", f"scene.vibrometer.drop_out={drop_out}")
-    promised = planner.check_stands(composed(*settings, config_dir=folder))
+    promised = planner.check_stands(experiment(*settings, config_dir=folder))
     tree = program.run(*settings, config_dir=folder, quiet=True)
     return promised, QUANTILE * on_surface(tree, "velocity_std_noise")
 

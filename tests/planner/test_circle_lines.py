@@ -12,7 +12,8 @@ from sldvexp.planner.circle_lines import fit_stride, too_short
 from sldvexp.planner.images import half_chords_of, known_stand
 from sldvexp.planner.place import Place
 from sldvexp.scan.calibration import Centres
-from tests.planner.planned_experiments import SMALL, composed
+from tests.composing import experiment
+from tests.planner.planned_experiments import SMALL
 
 VIEWS = {
     "near": KnownPose(origin=[0.3, 0.1, 0.6], look_at=[0.3, 0.1, 0.0]),
@@ -22,7 +23,7 @@ VIEWS = {
 
 def two_stands(stride, rough):
     """Two stands, one of them near, on a 16-bit board; their place, and a scan with that stride."""
-    e = composed("experiment=plate", *SMALL, "laser.board=bits_16")
+    e = experiment("experiment=plate", *SMALL, "laser.board=bits_16")
     e.scan.calibration.coarse.stride = stride
     parts = {
         name: replace(getattr(e.scan, name), views={}) for name in ("calibration", "structure")

@@ -13,7 +13,7 @@ from sldvexp.planner.circle_limits import hidden_told
 from sldvexp.planner.images import stand_at
 from sldvexp.planner.place import Place, Unseen
 from sldvexp.planner.search import candidates, examined
-from tests.planner.planned_experiments import composed
+from tests.composing import experiment
 
 #: A box with circles on its front and on its top, so many mm before the plane of the plate.
 BOX = """defaults: [schema/circles@_here_, _self_]
@@ -91,7 +91,7 @@ def own(tmp_path, monkeypatch):
 @pytest.mark.parametrize("forward", [100, 0])
 def test_no_planned_stand_has_a_circle_hidden(forward, seed, own):
     """Beside the plate, whose edge is before circles on the top, and before it."""
-    e = composed("experiment=own", f"seed={seed}", config_dir=own(forward))
+    e = experiment("experiment=own", f"seed={seed}", config_dir=own(forward))
     found = planner.plan(e)
     assert (found.examined.refused == 0).all()
     assert list(hidden_told(found.stands, found.place)) == []
@@ -100,7 +100,7 @@ def test_no_planned_stand_has_a_circle_hidden(forward, seed, own):
 
 def test_places_from_which_the_plate_hides_circles_are_not_feasible(own):
     """They are many of those that all else allows."""
-    place = Place.from_experiment(composed("experiment=own", config_dir=own(0))).thinned()
+    place = Place.from_experiment(experiment("experiment=own", config_dir=own(0))).thinned()
     origins = candidates(place, 200, np.random.default_rng(0)).examined.origins
     assert not place.marks.hidden_by(place.structure, origins).any()
     away = np.array([[1.455, 1.081, 0.585]])

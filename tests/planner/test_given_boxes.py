@@ -13,7 +13,8 @@ from sldvexp.pose.given import Given
 from sldvexp.scan.calibration import CalibrationScan, Centres
 from sldvexp.scan.rectangle import Rectangle, ScanRegion
 from sldvexp.scan.session import Session
-from tests.planner.planned_experiments import SMALL, composed
+from tests.composing import experiment
+from tests.planner.planned_experiments import SMALL
 
 #: A plate that is larger than the experiment's, and elsewhere.
 OTHER = (*SMALL, "volume.center=[0.55,0.10,0]", "volume.size=[0.46,0.32]", "plan.drop_out=0")
@@ -22,10 +23,10 @@ OTHER = (*SMALL, "volume.center=[0.55,0.10,0]", "volume.size=[0.46,0.32]", "plan
 @pytest.mark.whole
 def test_stands_that_were_planned_have_the_same_bounds_when_they_are_given():
     """Though the experiment's own views have the same names, and corners of its own plate."""
-    planned = planner.plan(composed("experiment=plate", *OTHER, "plan.stands=4"))
+    planned = planner.plan(experiment("experiment=plate", *OTHER, "plan.stands=4"))
     views = {stand.name: KnownPose(**as_pose(stand)) for stand in planned.stands}
     assert list(views) == ["1", "2", "3", "4"]
-    e = composed("experiment=plate", *OTHER)
+    e = experiment("experiment=plate", *OTHER)
     e.pose = Given(views=views)
     given = planner.check_stands(e)
     assert given.undetermined == 0
@@ -36,7 +37,7 @@ def test_stands_that_were_planned_have_the_same_bounds_when_they_are_given():
 
 
 def test_corners_of_the_stand_itself_count():
-    e = composed("experiment=plate", *SMALL)
+    e = experiment("experiment=plate", *SMALL)
     given = planner.check_stands(e)
     assert list(boxes_told(given.given, given.place, e)) == []
     assert given.expected.std.shape[0] == len(given.place.nodes)
@@ -48,7 +49,7 @@ CORNERS = [[0.28, 0.02, 0], [0.56, 0.02, 0], [0.56, 0.26, 0], [0.28, 0.26, 0]]
 
 def marked(*views, poses=PLACES):
     """Make a session with rough poses, of which some views were marked since."""
-    e = composed("experiment=plate", *SMALL)
+    e = experiment("experiment=plate", *SMALL)
     e.scene = None
     rough = {name: KnownPose(origin=poses[name], look_at=[0.42, 0.14, 0.0]) for name in poses}
     steps = [[-600, 100], [-600, -1400], [600, -1400], [600, 100]]
@@ -80,7 +81,7 @@ def test_stands_of_marks_alone_are_told_not_to_be_known():
 
 
 def test_rough_poses_of_a_scan_of_images_alone_have_no_corners_in_steps():
-    e = composed("experiment=plate", *SMALL)
+    e = experiment("experiment=plate", *SMALL)
     views = {
         name: ScanRegion(pose=KnownPose(origin=place, look_at=[0.42, 0.14, 0.0]))
         for name, place in (("a", [0.9, 0.1, 1.3]), ("b", [-0.5, 0.2, 1.3]), ("c", [0, -0.7, 1.4]))

@@ -13,7 +13,8 @@ from sldvexp.planner.one_more import AS_GOOD, OneMore, one_more
 from sldvexp.planner.place import Place
 from sldvexp.planner.search import candidates, examined
 from sldvexp.pose.given import Given
-from tests.planner.planned_experiments import SMALL, composed
+from tests.composing import experiment
+from tests.planner.planned_experiments import SMALL
 
 #: Seven stands on the best cone around the plate's middle: all components have the same bound, and
 #: the eighth is worth the same anywhere.
@@ -30,7 +31,7 @@ def direction(places):
 @pytest.fixture(scope="module")
 def searched():
     """Feasible places, and the goal that they are compared by."""
-    place = Place.from_experiment(composed("experiment=plate", *SMALL)).thinned()
+    place = Place.from_experiment(experiment("experiment=plate", *SMALL)).thinned()
     found = candidates(place, 200, np.random.default_rng(0)).examined
     goal = Goal.evenly(directions_wanted("all", place.frame), PlanCriterion.mean)
     return place, found, goal
@@ -69,7 +70,7 @@ def test_of_stands_that_determine_nothing_nobody_says_what_one_more_is_worth(sea
 
 @pytest.mark.whole
 def test_the_next_stand_after_many_is_not_beside_one_of_them():
-    e = composed("experiment=plate", *SMALL)
+    e = experiment("experiment=plate", *SMALL)
     e.pose = Given(
         views={
             str(k): KnownPose(origin=place.tolist(), look_at=[0.3, 0.14, 0.0])

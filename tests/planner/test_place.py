@@ -19,12 +19,13 @@ from sldvexp.planner.turning import turned_towards
 from sldvexp.targets import Circle, Circles, Plane, shaded_circles
 from sldvexp.volume import Grid, Prisms, TriangulatedSurface, extruded, vertex_normals
 from sldvexp.volume.surface import node_frames
-from tests.planner.planned_experiments import SMALL, composed
+from tests.composing import experiment
+from tests.planner.planned_experiments import SMALL
 
 
 @pytest.fixture(scope="module")
 def plate() -> Place:
-    return Place.from_experiment(composed("experiment=plate", *SMALL))
+    return Place.from_experiment(experiment("experiment=plate", *SMALL))
 
 
 def reasons(place: Place, *origin: float) -> set[Unseen]:
@@ -95,11 +96,11 @@ def test_limits_of_the_room_say_why(plate, origin, reason):
 
 
 def test_limits_that_nothing_says_are_for_stands_that_are_looked_for():
-    e = composed("experiment=plate", *SMALL)
+    e = experiment("experiment=plate", *SMALL)
     given = Place.from_experiment(e, new_stands=False)
     for origin in ((0.4, 0.1, 3.0), (0.4, 0.1, 0.9), (0.4, 1.6, 1.6)):
         assert not reasons(given, *origin) & {Unseen.far, Unseen.near, Unseen.outside}
-    said = composed("experiment=plate", *SMALL, "plan.room.distance=[1.2,2.5]")
+    said = experiment("experiment=plate", *SMALL, "plan.room.distance=[1.2,2.5]")
     assert Unseen.far in reasons(Place.from_experiment(said, new_stands=False), 0.4, 0.1, 3.0)
     assert said.plan.room.unsaid == ["low", "high"]
 
@@ -107,7 +108,7 @@ def test_limits_that_nothing_says_are_for_stands_that_are_looked_for():
 @pytest.fixture(scope="module")
 def stepped() -> Place:
     """The plate beside four circles, of which the second is on a block and hides the first."""
-    e = composed("experiment=plate", *SMALL)
+    e = experiment("experiment=plate", *SMALL)
     centres = {1: (0.03, 0.03), 2: (0.14, 0.03), 3: (0.15, 0.225), 4: (0.03, 0.215)}
     circles = {
         n: Circle(x, y, 0.04, "raised" if n == 2 else "front") for n, (x, y) in centres.items()
@@ -163,7 +164,7 @@ def test_a_surface_hides_a_part_of_itself():
     """Two walls of a corner, seen along one of them: the end of it hides nothing, a step does."""
     prisms = stairs()
     place = Place.from_experiment(
-        composed("experiment=plate", "~target", "plan.room.incidence=80", *SMALL)
+        experiment("experiment=plate", "~target", "plan.room.incidence=80", *SMALL)
     )
     place = replace(
         place,
@@ -184,7 +185,7 @@ def test_a_surface_hides_a_part_of_itself():
 
 
 def test_only_a_surface_that_is_not_convex_is_asked_what_it_hides():
-    plate, panel = (composed(f"experiment={name}") for name in ("plate", "curved_panel"))
+    plate, panel = (experiment(f"experiment={name}") for name in ("plate", "curved_panel"))
     assert Place.from_experiment(plate).clearance is None
     assert Place.from_experiment(panel).clearance is None
     assert hides_itself(stairs(), both_sides=False)
@@ -204,7 +205,7 @@ def stairs() -> Prisms:
 
 def test_candidates_are_within_all_limits():
     settings = ("plan.room.low=[-0.5,null,null]", "plan.room.high=[1.4,0.8,1.6]")
-    e = composed("experiment=plate", *SMALL, *settings, "plan.room.incidence=50")
+    e = experiment("experiment=plate", *SMALL, *settings, "plan.room.incidence=50")
     place = Place.from_experiment(e)
     found = candidates(place, 300, np.random.default_rng(0)).examined
     origins = found.origins
@@ -230,7 +231,7 @@ def test_candidates_are_within_all_limits():
     ],
 )
 def test_a_room_without_any_feasible_stand_says_which_limit_forbids_most(setting, word):
-    e = composed("experiment=plate", "volume.shape=[5,5]", "plan.candidates=50", *setting.split())
+    e = experiment("experiment=plate", "volume.shape=[5,5]", "plan.candidates=50", *setting.split())
     place = Place.from_experiment(e)
     with pytest.raises(UserError, match="no stand is feasible") as told:
         candidates(place.thinned(), 50, np.random.default_rng(0))

@@ -14,7 +14,8 @@ from sldvexp.planner.criterion import Goal, covariance_of
 from sldvexp.planner.place import Place, of_search
 from sldvexp.planner.search import candidates
 from sldvexp.planner.turning import angles_of
-from tests.planner.planned_experiments import SMALL, composed
+from tests.composing import experiment
+from tests.planner.planned_experiments import SMALL
 
 PLANS = [
     ("plan.criterion=mean",),
@@ -25,7 +26,7 @@ PLANS = [
 
 def compared(settings: tuple[str, ...], layouts: int) -> tuple[float, float]:
     """Compute a plan's closed form and the best of so many random layouts, with its factors."""
-    e = composed("experiment=plate", *settings)
+    e = experiment("experiment=plate", *settings)
     found = planner.plan(e)
     place = Place.from_experiment(e)
     chosen = of_search(place.nodes)
@@ -54,7 +55,7 @@ def test_a_plan_is_better_than_random_layouts(settings):
 @pytest.mark.parametrize("settings", PLANS)
 def test_a_plan_is_better_than_ten_thousand_random_layouts(settings):
     begun = time.process_time()
-    planner.plan(composed("experiment=plate", *settings))
+    planner.plan(experiment("experiment=plate", *settings))
     assert time.process_time() - begun < 10
     planned, best = compared(settings, 10_000)
     assert planned < best
@@ -63,14 +64,14 @@ def test_a_plan_is_better_than_ten_thousand_random_layouts(settings):
 @pytest.mark.whole
 def test_a_plan_reaches_the_mean_of_the_best_cone():
     """Within 1 %: all nodes of a plate cannot be seen from one cone."""
-    found = planner.plan(composed("experiment=plate", *SMALL))
+    found = planner.plan(experiment("experiment=plate", *SMALL))
     assert 1.0 < closed_form(found) / np.sqrt(3 / 5) < 1.01
 
 
 @pytest.mark.whole
 def test_the_same_seed_gives_the_same_stands_and_another_one_others():
     one, same, other = (
-        planner.plan(composed("experiment=plate", *SMALL, f"seed={seed}")) for seed in (0, 0, 1)
+        planner.plan(experiment("experiment=plate", *SMALL, f"seed={seed}")) for seed in (0, 0, 1)
     )
     places = [np.array([s.origin for s in p.stands]) for p in (one, same, other)]
     np.testing.assert_array_equal(places[0], places[1])
@@ -81,7 +82,7 @@ def test_the_same_seed_gives_the_same_stands_and_another_one_others():
 @pytest.mark.one_in(2)
 @pytest.mark.parametrize("thickness", [0.0002, 0.036])
 def test_a_planned_view_images_what_it_sees_of_the_volume_and_little_beside(thickness):
-    e = composed("experiment=plate", *SMALL, "plan.stands=3", f"volume.thickness={thickness}")
+    e = experiment("experiment=plate", *SMALL, "plan.stands=3", f"volume.thickness={thickness}")
     found = planner.plan(e)
     for stand in found.stands:
         to_all = angles_of(
@@ -95,7 +96,7 @@ def test_a_planned_view_images_what_it_sees_of_the_volume_and_little_beside(thic
 
 
 def test_all_planned_stands_keep_the_limits():
-    found = planner.plan(composed("experiment=plate", *SMALL, "plan.stands=4"))
+    found = planner.plan(experiment("experiment=plate", *SMALL, "plan.stands=4"))
     assert len(found.stands) == found.new == 4
     assert (found.examined.refused == 0).all()
     assert found.examined.seen.all()
@@ -108,11 +109,11 @@ def test_all_planned_stands_keep_the_limits():
 
 @pytest.mark.whole
 def test_stands_go_around_a_pillar():
-    free = planner.plan(composed("experiment=plate", *SMALL))
+    free = planner.plan(experiment("experiment=plate", *SMALL))
     x, y, z = free.stands[0].origin
     box = f"{{low: [{x - 0.3}, {y - 0.3}, {z - 0.3}], high: [{x + 0.3}, {y + 0.3}, {z + 0.3}]}}"
     found = planner.plan(
-        composed("experiment=plate", *SMALL, f"plan.room.forbidden={{pillar: {box}}}")
+        experiment("experiment=plate", *SMALL, f"plan.room.forbidden={{pillar: {box}}}")
     )
     assert (found.examined.refused == 0).all()
     assert found.examined.seen.all()
@@ -131,32 +132,32 @@ THREE = ("~scene.views.4", "~scene.views.5")
 
 @pytest.mark.whole
 def test_one_planned_stand_after_three_sees_what_the_last_two_of_the_dissertation_see():
-    given = planner.check_stands(composed("experiment=plate", *SMALL))
-    found = planner.next_stand(composed("experiment=plate", *SMALL, *THREE))
+    given = planner.check_stands(experiment("experiment=plate", *SMALL))
+    found = planner.next_stand(experiment("experiment=plate", *SMALL, *THREE))
     assert [s.name for s in found.stands] == ["1", "2", "3", "4"]
     assert closed_form(found) < 1.02 * closed_form(given)
 
 
 @pytest.mark.long
 def test_one_planned_stand_after_three_does_what_the_last_two_of_the_dissertation_do():
-    given = planner.check_stands(composed("experiment=plate", "plan.drop_out=0"))
-    found = planner.next_stand(composed("experiment=plate", "plan.drop_out=0", *THREE))
+    given = planner.check_stands(experiment("experiment=plate", "plan.drop_out=0"))
+    found = planner.next_stand(experiment("experiment=plate", "plan.drop_out=0", *THREE))
     assert found.asked < 1.02 * given.asked
 
 
 @pytest.mark.whole
 def test_a_check_says_what_stands_do_not_see():
-    found = planner.check_stands(composed("experiment=plate", *SMALL, "plan.room.incidence=20"))
+    found = planner.check_stands(experiment("experiment=plate", *SMALL, "plan.room.incidence=20"))
     assert found.new == 0
     assert not found.examined.seen.all()
-    assert planner.check_stands(composed("experiment=plate", *SMALL)).examined.seen.all()
+    assert planner.check_stands(experiment("experiment=plate", *SMALL)).examined.seen.all()
 
 
 @pytest.mark.whole
 def test_a_wanted_bound_gets_as_many_stands_as_it_needs():
     settings = ("experiment=plate", *SMALL)
-    four = planner.plan(composed(*settings, "plan.stands=4"))
-    found = planner.plan(composed(*settings, f"plan.wanted={1.01 * four.asked}"))
+    four = planner.plan(experiment(*settings, "plan.stands=4"))
+    found = planner.plan(experiment(*settings, f"plan.wanted={1.01 * four.asked}"))
     assert len(found.stands) == 4
     assert found.asked <= 1.01 * four.asked
     assert list(found.by_count) == [3, 4, 5, 6, 7, 8]
@@ -172,20 +173,22 @@ def test_a_bound_that_is_out_of_reach_is_refused():
     )
     settings = ("plan.unit=mm_per_s", "plan.wanted=1e-6")
     with pytest.raises(UserError, match=told):
-        planner.plan(composed("experiment=plate", *SMALL, *settings))
+        planner.plan(experiment("experiment=plate", *SMALL, *settings))
 
 
 def test_bounds_and_noise_are_wanted_in_a_unit():
-    said = composed("experiment=plate", "plan.unit=mm_per_s", "plan.wanted=0.07", "plan.noise=0.4")
+    said = experiment(
+        "experiment=plate", "plan.unit=mm_per_s", "plan.wanted=0.07", "plan.noise=0.4"
+    )
     assert said.plan.in_si("wanted") == pytest.approx(7e-5)
     assert said.plan.in_si("noise") == pytest.approx(4e-4)
-    assert composed("experiment=plate").plan.in_si("wanted") is None
+    assert experiment("experiment=plate").plan.in_si("wanted") is None
 
 
 @pytest.mark.whole
 def test_more_noise_makes_bounds_wider_in_proportion():
     one, two = (
-        planner.plan(composed("experiment=plate", *SMALL, f"plan.noise={noise}"))
+        planner.plan(experiment("experiment=plate", *SMALL, f"plan.noise={noise}"))
         for noise in (1e-4, 3e-4)
     )
     assert one.noise == pytest.approx(1e-4 * np.sqrt(2 / 512))
@@ -196,7 +199,7 @@ def test_more_noise_makes_bounds_wider_in_proportion():
 def test_a_gage_counts_its_ends_alone_and_has_the_bound_of_its_strain():
     ends = "[[0.30,0.14,0],[0.52,0.14,0]]"
     found = planner.plan(
-        composed("experiment=plate", *SMALL, "plan.drop_out=0", f"plan.gage={ends}")
+        experiment("experiment=plate", *SMALL, "plan.drop_out=0", f"plan.gage={ends}")
     )
     gage = found.gage
     assert gage is not None
@@ -206,7 +209,7 @@ def test_a_gage_counts_its_ends_alone_and_has_the_bound_of_its_strain():
     assert found.asked == pytest.approx(np.sqrt(np.mean(at_ends**2)), rel=0.05)
     difference = np.sqrt(np.sum(at_ends**2)) / gage.length / (2 * np.pi * 197)
     assert gage.strain(found.asked, 197) == pytest.approx(difference, rel=0.05)
-    everywhere = planner.plan(composed("experiment=plate", *SMALL, "plan.drop_out=0"))
+    everywhere = planner.plan(experiment("experiment=plate", *SMALL, "plan.drop_out=0"))
     assert found.asked < 0.9 * np.sqrt(np.mean(everywhere.bounds[gage.nodes, x] ** 2))
 
 
@@ -219,4 +222,4 @@ def test_a_gage_counts_its_ends_alone_and_has_the_bound_of_its_strain():
 )
 def test_gages_that_are_none_are_refused(ends, told):
     with pytest.raises(UserError, match=told):
-        planner.plan(composed("experiment=plate", *SMALL, f"plan.gage={ends}"))
+        planner.plan(experiment("experiment=plate", *SMALL, f"plan.gage={ends}"))

@@ -13,22 +13,12 @@ from tests.report.test_first_screen import interrupted_run, swept
 
 axe = pytest.importorskip("axe_core_python.base", reason="needs axe-core-python")
 
-pytestmark = [
-    pytest.mark.skipif(not devtools.PATH, reason="needs chromium"),
-    pytest.mark.xdist_group("browser"),
-]
+pytestmark = pytest.mark.skipif(not devtools.PATH, reason="needs chromium")
 SIZES = ((390, 844), (1280, 800), (1920, 1080))
 FAULTS = """
 return axe.run().then((found) => found.violations.map((v) =>
   v.id + ": " + v.nodes.map((n) => n.html.slice(0, 100)).join(" | ")))
 """
-
-
-@pytest.fixture(scope="module")
-def browser():
-    opened = devtools.Browser()
-    yield opened
-    opened.close()
 
 
 def poses():

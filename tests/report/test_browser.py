@@ -15,10 +15,7 @@ from tests.report import devtools
 from tests.report.opened import DESKTOP, PHONE, Opened, nothing_is_wider_than_the_window, place_of
 from tests.shell.made_strain import made_strain
 
-pytestmark = [
-    pytest.mark.skipif(not devtools.PATH, reason="needs chromium"),
-    pytest.mark.xdist_group("browser"),
-]
+pytestmark = pytest.mark.skipif(not devtools.PATH, reason="needs chromium")
 
 
 @pytest.fixture(scope="module")

@@ -13,10 +13,7 @@ from sldvexp.volume import Grid
 from tests.report import devtools
 from tests.report.opened import DESKTOP, place_of
 
-pytestmark = [
-    pytest.mark.skipif(not devtools.PATH, reason="needs chromium"),
-    pytest.mark.xdist_group("browser"),
-]
+pytestmark = pytest.mark.skipif(not devtools.PATH, reason="needs chromium")
 SELECTS = ("component", "layer", "frequency", "colour", "glyph", "shell", "view", "speed")
 RANGES = ("phase", "size")
 NUMBERS = ("node", "from", "to")

@@ -7,10 +7,7 @@ import pytest
 from tests.report import devtools, made_modes
 from tests.report.opened import DESKTOP, PHONE, nothing_is_wider_than_the_window
 
-pytestmark = [
-    pytest.mark.skipif(not devtools.PATH, reason="needs chromium"),
-    pytest.mark.xdist_group("browser"),
-]
+pytestmark = pytest.mark.skipif(not devtools.PATH, reason="needs chromium")
 
 SEEN = "return [...document.querySelectorAll('.choice .shape')].map((e) => e.checkVisibility())"
 CHOOSE = """

@@ -11,15 +11,13 @@ import time
 
 import numpy as np
 import pytest
-from hydra import compose, initialize_config_dir
 
 from sldvexp import dataset, stopping
 from sldvexp.cli import main
-from sldvexp.config import hydra_plugin, schema
-from sldvexp.config.paths import conf_dir
 from sldvexp.testing import power
 from sldvexp.virtual_lab import LabServer, VirtualLab
 from sldvexp.virtual_lab.server import Fault
+from tests.composing import experiment
 
 #: Two small views over the socket, so that the instrument outlives whoever speaks to it.
 SMALL = [
@@ -127,9 +125,7 @@ def _heeding():
 @pytest.fixture(scope="module")
 def instrument(_heeding):
     """A counter, the settings of a session with the server in a folder, and the server."""
-    hydra_plugin.install()
-    with initialize_config_dir(str(conf_dir()), version_base="1.3"):
-        e = schema.build(compose("config", overrides=[*SMALL, VIEWS]))
+    e = experiment(*SMALL, VIEWS)
     counted = Counted()
     with LabServer(VirtualLab(e.scene, e.laser, e.target, e.seed), faults=[counted]) as server:
         there = ["instrument=visa", f"instrument.resource={server.resource}", "~scene"]

@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
-from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
-from sldvexp.config import hydra_plugin
 from sldvexp.errors import ConfigError, UserError
 from sldvexp.signal import (
     Flag,
@@ -20,17 +16,14 @@ from sldvexp.signal import (
     refine_frequencies,
     sine_model,
 )
+from tests.composing import part
 
-hydra_plugin.install()
-
-CONF = Path(__file__).parents[2] / "conf"
 TIMES = np.arange(256) / 2560.0
 VOLT = 10.0 / 32768
 
 
 def composed(*overrides):
-    with initialize_config_dir(str(CONF), version_base="1.3"):
-        return OmegaConf.to_object(compose(overrides=["+signal=sine_fit", *overrides]))["signal"]
+    return OmegaConf.to_object(part("+signal=sine_fit", *overrides))["signal"]
 
 
 def scan(frequency, pixels=100, offset=300.0):

@@ -10,19 +10,17 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import xarray as xr
-from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
 from sldvexp import dataset
 from sldvexp.cli.rerun import AgreementLevel, compare
-from sldvexp.config import hydra_plugin, schema
 from sldvexp.config.experiment import Experiment
-from sldvexp.config.paths import conf_dir
 from sldvexp.pipeline import provenance
 from sldvexp.pipeline.step import Run, Step, check_contracts
 from sldvexp.pipeline.steps import STEPS
 from sldvexp.sweep import Store, shared_steps
 from sldvexp.sweep.plan import folder_name
+from tests.composing import config, experiment
 
 POSES = ("experiment=dissertation/automated_pose", "expect={}")
 FIELDS = (
@@ -81,15 +79,9 @@ class Undeclared:
         raise AssertionError("a step reads a group that it does not declare")
 
 
-def composed(*settings):
-    hydra_plugin.install()
-    with initialize_config_dir(str(conf_dir()), version_base="1.3"):
-        return compose("config", overrides=list(settings))
-
-
 def as_declared(settings, tmp_path):
     """Do the steps of an experiment, shared ones with nothing but what they declare."""
-    e = schema.build(composed(*settings))
+    e = experiment(*settings)
     made = {}
     done = []
     for step in (s for s in STEPS if s.needed(e)):
@@ -152,7 +144,7 @@ def perform(step, tmp_path, monkeypatch):
 
     def call(*settings, work=step.step):
         if settings not in cfgs:
-            cfgs[settings] = composed("~experiment", *settings)
+            cfgs[settings] = config("~experiment", *settings)
         run = Run(None, None, tmp_path)
         Store(cfgs[settings], tmp_path / ".shared")(work, run)
         assert run.inputs == ["input.txt"]
@@ -255,7 +247,7 @@ def test_two_at_once_do_it_once(perform, step, monkeypatch):
 
 
 def test_step_after_another_depends_on_its_inputs(perform, tmp_path):
-    cfg = composed("~experiment")
+    cfg = config("~experiment")
     OmegaConf.set_readonly(cfg, True)
     first = Step("first", lambda e: True, lambda run: run.inputs.append("input.txt"), ("f",))
 

@@ -13,17 +13,15 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
-from hydra import compose, initialize_config_dir
 
 from sldvexp.check.truth import Columns
-from sldvexp.config import hydra_plugin, schema
-from sldvexp.config.paths import conf_dir
 from sldvexp.dataset import findings_of
 from sldvexp.field.estimate import volume_visibility
 from sldvexp.pipeline.step import Run
 from sldvexp.pipeline.steps import SCAN, STEPS, VOLUME
 from sldvexp.signal import Flag
 from sldvexp.virtual_lab.plate import Hole, VibratingPlate
+from tests.composing import experiment
 
 STEP = {step.name: step for step in STEPS}
 #: Nodes of the volume of 26 cm by 21 cm, by about how long its elements are, mm.
@@ -71,14 +69,12 @@ class Measured:
 
 
 @cache
-def experiment():
-    hydra_plugin.install()
-    with initialize_config_dir(str(conf_dir()), version_base="1.3"):
-        return schema.build(compose("config", overrides=["experiment=spoiled/clean", "expect={}"]))
+def unspoiled():
+    return experiment("experiment=spoiled/clean", "expect={}")
 
 
 def spoiled(seed, share, hole):
-    e = experiment()
+    e = unspoiled()
     vibrometer = replace(e.scene.vibrometer, unflagged=share)
     plate = replace(e.scene.plate, holes={"one": HOLE} if hole else {})
     return replace(e, seed=seed, scene=replace(e.scene, vibrometer=vibrometer, plate=plate))
@@ -104,7 +100,7 @@ def reconstructed(seed, share, hole, elements):
     e = replace(e, volume=replace(e.volume, shape=NODES[elements]))
     names = [VOLUME, "comparison of the views", "velocity field"]
     tree = done(e, names, scanned(seed, share, hole))
-    field, plate = tree["field"], VibratingPlate.built(experiment().scene.plate)
+    field, plate = tree["field"], VibratingPlate.built(unspoiled().scene.plate)
     place, tones = field["position"].values, field["frequency"].values
     columns = Columns.from_volume(tree["volume"], plate.height(place))
     truth = np.stack([plate.velocity(place, f) for f in tones], axis=-1)
@@ -146,7 +142,7 @@ def measure(seed, elements, share=0.0, hole=False):
 
 def pixels(seed, elements, share, hole, tree):
     """Count good pixels left out, good ones, bad ones that samples use, and bad ones."""
-    e, counted = experiment(), np.zeros(4, int)
+    e, counted = unspoiled(), np.zeros(4, int)
     volume = replace(e.volume, shape=NODES[elements])
     visibility = volume_visibility(tree, e.laser, volume)
     samples = visibility.at(visibility.triangles).by_view
