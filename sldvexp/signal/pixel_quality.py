@@ -22,7 +22,8 @@ class Flag(IntFlag):
     Attributes
     ----------
     saturated
-        A sample of either channel lies at or beyond the limits of the converter.
+        A sample of either channel lies at or beyond the limits of the converter, or the velocity
+        is cut off: the largest one together with that of many other pixels.
     dropped_out
         The instrument said so, or the velocity channel's residual is `dropout_factor` times
         larger (a lost or clipped signal) or smaller (a dead channel) than the image's median.

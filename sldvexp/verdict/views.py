@@ -53,7 +53,7 @@ from sldvexp.verdict.lines import at_few_lines, carried_over
 from sldvexp.verdict.pointing_noise import mean_angle, pointing_noise
 from sldvexp.verdict.refinement import moved_poses, refine
 from sldvexp.verdict.repairs import Repair, examined_repairs
-from sldvexp.verdict.repeated import repeated_views
+from sldvexp.verdict.repeated import cut_off, repeated_lines, repeated_views
 from sldvexp.verdict.wording import (
     disagreement,
     looks_beside,
@@ -188,6 +188,8 @@ class _Examination:
         self.met = {
             v.name: PixelBeams.trace(v, surface, np.flatnonzero(v.usable)).pixel for v in views
         }
+        self.findings += [found for v in views for found in repeated_lines(v)]
+        views = [self._cut_off(v) for v in views]
         if robust:
             views = [self._flag(v, resting(v, self._seen(v)), Flag.resting) for v in views]
             views = [
@@ -347,6 +349,31 @@ class _Examination:
                 )
             )
             return view
+        return self._flagged(view, marked, flag)
+
+    def _cut_off(self, view: View) -> View:
+        """Flag pixels whose velocity is cut off, however many they are: none of them is right."""
+        marked = cut_off(view)
+        if not marked.any():
+            return view
+        share = float(np.mean(marked[view.usable]))
+        at = float(np.max(np.abs(view.velocity[marked])))
+        self.findings.append(
+            Finding(
+                "cut_off",
+                f"pixels of view {view.name}",
+                f"{int(marked.sum())} pixels of view {view.name} ({share:.1%}) have the same "
+                f"largest velocity, {1e3 * at:.4g} mm/s at most: cut off, by too small a range or "
+                "by what wrote the file; they are left out",
+                Severity.note if share <= MOST_LEFT_OUT else Severity.doubtful,
+                size=share,
+                views=(view.name,),
+            )
+        )
+        return self._flagged(view, marked, Flag.saturated)
+
+    def _flagged(self, view: View, marked: BoolArray, flag: Flag) -> View:
+        """Flag pixels of a view and of its image."""
         name = f"image/{view.name}"
         image = self.groups[name]
         flags = image["flags"].values.astype(np.uint8)

@@ -8,8 +8,10 @@ import pytest
 
 from sldvexp.dataset import Severity
 from sldvexp.field import View
+from sldvexp.signal import Flag
 from sldvexp.verdict import Examined, examine_views
 from sldvexp.verdict.explanation import LEAST_VIEWS, Explanation, ViewTests
+from sldvexp.verdict.repeated import cut_off
 from sldvexp.verdict.wording import disagreement
 
 from .simulated_views import LASER, groups, session, surface
@@ -153,6 +155,73 @@ def test_file_that_was_read_twice_is_named_of_three_views_too(count):
     assert found["repeated"].severity is Severity.void
     repaired = examined(views, use_repair=["view_v3.left_out"]) if count > LEAST_VIEWS else None
     assert repaired is None or "repeated" not in {f.kind for f in repaired.findings}
+
+
+def cut_at(share: float, part: Callable[[np.ndarray], np.ndarray]) -> Callable[[View], View]:
+    """Cut off what is larger than all but this share of the pixels that see the panel."""
+
+    def change(view: View) -> View:
+        velocity = view.velocity.copy()
+        line = velocity[view.usable, 0]
+        most = np.quantile(part(line), 1 - share)
+        if part is np.abs:
+            line = line * np.minimum(1.0, most / np.abs(line))
+        else:
+            line = np.minimum(line.real, most) + 1j * line.imag
+        velocity[view.usable, 0] = line
+        return replace(view, velocity=velocity)
+
+    return change
+
+
+@pytest.mark.parametrize("share", [0.1, pytest.param(0.25, marks=pytest.mark.whole)])
+@pytest.mark.parametrize("part", [np.abs, np.real])
+def test_velocities_that_are_cut_off_are_named_and_left_out(share, part):
+    spoiled = examined(changed(cut_at(share, part), 2))
+    [found] = [
+        f for f in spoiled.findings if f.severity is not Severity.note or f.kind == "cut_off"
+    ]
+    assert (found.kind, found.subject) == ("cut_off", "pixels of view v3")
+    assert found.severity is (Severity.note if share < 0.15 else Severity.doubtful)
+    flags = spoiled.groups["image/v3"]["flags"].values.astype(int)
+    usable = changed(cut_at(share, part))[2].usable
+    assert np.mean(flags[usable] & Flag.saturated != 0) == pytest.approx(share, abs=0.01)
+
+
+def test_velocities_of_few_digits_are_not_cut_off():
+    """The largest is met by more than a dozen pixels, but so are others."""
+
+    def rounded(view: View) -> View:
+        step = np.nanmax(np.abs(view.velocity)) / 8
+        return replace(view, velocity=step * np.round(view.velocity.real / step) + 0j)
+
+    view = changed(rounded, 2)[2]
+    assert np.sum(view.velocity[view.usable, 0] == view.velocity[view.usable, 0].max()) > 12
+    assert not cut_off(view).any()
+
+
+@pytest.mark.parametrize("code", [0.0, 9.999, -0.999])
+def test_numbers_that_stand_for_a_missing_velocity_are_not_cut_off(code):
+    def missing(view: View) -> View:
+        velocity = view.velocity.copy()
+        velocity[::10] = code
+        return replace(view, velocity=velocity)
+
+    assert not cut_off(changed(missing, 2)[2]).any()
+
+
+@pytest.mark.parametrize("down", [True, False])
+def test_line_that_was_recorded_twice_is_named_first(down):
+    def late(view: View) -> View:
+        place = np.arange(len(view.dac)).reshape(view.shape)
+        place = place if down else place.T
+        place[9:] = place[8:-1].copy()
+        place = (place if down else place.T).ravel()
+        return replace(view, velocity=view.velocity[place], flags=view.flags[place])
+
+    found = examined(changed(late, 1)).findings[0]
+    assert (found.kind, found.subject) == ("repeated_line", "lines of view v2")
+    assert found.text.startswith("line 10 of view v2 has the same velocities as line 9")
 
 
 def noisier(times: float) -> Callable[[View], View]:
