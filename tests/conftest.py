@@ -55,10 +55,15 @@ def _kept_code(otherwise: str) -> str:
 if "PYTEST_XDIST_WORKER" not in os.environ:  # workers have what the first process has
     # Commands that tests start share what they compile and compose, and leave the user's alone.
     _shared = tempfile.TemporaryDirectory(prefix="sldvexp-tests-")
-    os.environ["PYTHONPYCACHEPREFIX"] = sys.pycache_prefix = _kept_code(f"{_shared.name}/code")
+    _kept = _kept_code(f"{_shared.name}/code")
+    os.environ["PYTHONPYCACHEPREFIX"] = sys.pycache_prefix = _kept
+    os.environ["MPLCONFIGDIR"] = f"{_kept}/matplotlib"  # whose list of fonts takes a second to make
     os.environ["XDG_CACHE_HOME"] = _shared.name
     os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
     sys.dont_write_bytecode = False
+    # Processes of which there is one for each processor would only wait for threads of the others.
+    for _library in ("OMP", "OPENBLAS"):
+        os.environ.setdefault(f"{_library}_NUM_THREADS", "1")
 
 with suppress(ImportError):  # so that no command keeps xarray in this process from it
     import dask  # noqa: F401

@@ -26,8 +26,15 @@ OPTIONS = (
     "--use-gl=angle",
     "--use-angle=swiftshader",
     "--enable-unsafe-swiftshader",
+    "--disable-gpu-rasterization",  # which is slower without such a processor
+    "--disable-gpu-compositing",
     "--force-prefers-reduced-motion",  # the shape begins to move when it is told to
     "--hide-scrollbars",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-default-apps",
+    "--disable-extensions",
+    "--disable-sync",
     "--no-first-run",
     "--remote-debugging-pipe",
 )
