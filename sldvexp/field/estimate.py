@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import hashlib
 import pickle
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Any
@@ -299,8 +299,26 @@ def volume_visibility(
     for array in (prisms.position, prisms.triangles, prisms.depth):
         digest.update(array.tobytes())
     for name in sorted(needed):
-        digest.update(pickle.dumps((name, needed[name].to_dict(data="array"))))
+        for content in (name.encode(), *_content(needed[name].to_dict(data="array"))):
+            digest.update(b"%d " % len(content) + content)
     return _remembered(Content(digest.digest(), needed, laser, volume, prisms))
+
+
+def _content(value: Any) -> Iterator[bytes]:
+    """Yield all that a group is made of: the same for groups that are equal to the bit.
+
+    A pickle tells, too, whether arrays may be changed and which names are one object, and so takes
+    a group that a run made for another than the one that the next run reads.
+    """
+    if isinstance(value, dict):
+        for key, entry in value.items():
+            yield repr(key).encode()
+            yield from _content(entry)
+    elif isinstance(value, np.ndarray) and not value.dtype.hasobject:
+        yield f"{value.dtype.str} {value.shape}".encode()
+        yield value.tobytes()
+    else:
+        yield pickle.dumps(value) if isinstance(value, np.ndarray) else repr(value).encode()
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
@@ -52,6 +53,20 @@ def session(views: list[View]) -> dict[str, xr.Dataset]:
 def test_the_same_session_is_looked_at_once(views: list[View], laser: TwoMirror) -> None:
     first = volume_visibility(session(views), laser, VOLUME)
     assert volume_visibility(session(views), laser, VOLUME) is first
+
+
+def test_a_session_that_the_next_run_of_a_sweep_reads_is_the_same(
+    views: list[View], laser: TwoMirror
+) -> None:
+    """Its arrays are kept from change, and what was one object may be two."""
+    tree = session(views)
+    first = volume_visibility(tree, laser, VOLUME)
+    again = {name: group.copy(deep=True) for name, group in tree.items()}
+    for group in again.values():
+        for variable in group.variables.values():
+            variable.values.setflags(write=False)
+            variable.attrs = {k: json.loads(json.dumps(v)) for k, v in variable.attrs.items()}
+    assert volume_visibility(again, laser, VOLUME) is first
 
 
 @pytest.mark.parametrize("what", ["image", "pose", "laser", "volume"])
