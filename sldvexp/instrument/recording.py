@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import hashlib
 import zipfile
-from collections.abc import Mapping, Sequence
-from contextlib import AbstractContextManager
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
@@ -31,7 +31,7 @@ from sldvexp.instrument.protocol import (
     RawSamples,
     ScanningPlugin,
 )
-from sldvexp.io.arrays import write_arrays
+from sldvexp.io.arrays import read_arrays, write_arrays
 from sldvexp.laser import TwoMirror
 from sldvexp.limits import too_much_claimed
 from sldvexp.signal import ExcitationKind, LineChoice, ResponseSums
@@ -41,6 +41,8 @@ from sldvexp.writing import make_folder, whole_or_nothing
 
 #: Arrays of a kept line, and the kinds of numbers that each may have.
 KINDS = {"dac": "iu", "asked": "f", "counts": "iu", "volts_per_count": "f", "status": "iu"}
+#: Lines of so many bytes or fewer are read as a whole, whatever is wanted of them.
+AT_ONCE = 2**20
 #: What reading a damaged line raises.
 DAMAGED = (
     zipfile.BadZipFile,
@@ -125,18 +127,21 @@ def read_pixels(path: Path) -> tuple[IntArray, Array] | None:
     return (dac, how) if sound else None
 
 
-def _opened(path: Path) -> NpzFile:
+@contextmanager
+def _opened(path: Path) -> Iterator[Mapping[str, NDArray[Any]]]:
     """Open a kept line whose arrays claim no more than a file of that size can hold."""
     require_file(path)
-    kept = np.load(path)
-    if not isinstance(kept, NpzFile):
-        raise ValueError("not a line")
-    assert kept.zip is not None  # until it is closed
-    claimed = sum(part.file_size for part in kept.zip.infolist())
-    if too_much_claimed(claimed, path.stat().st_size):
-        kept.close()
-        raise ValueError("claims more than it holds")
-    return kept
+    size = path.stat().st_size
+    if size <= AT_ONCE and (found := read_arrays(path.read_bytes())) is not None:
+        yield found
+        return
+    with np.load(path) as kept:
+        if not isinstance(kept, NpzFile):
+            raise ValueError("not a line")
+        assert kept.zip is not None  # until it is closed
+        if too_much_claimed(sum(part.file_size for part in kept.zip.infolist()), size):
+            raise ValueError("claims more than it holds")
+        yield kept
 
 
 def _sums(kept: Mapping[str, NDArray[Any]]) -> tuple[IntArray, Array, ResponseSums] | None:

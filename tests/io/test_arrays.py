@@ -1,14 +1,15 @@
-"""Archives of arrays: numpy and any ZIP program read what is written at once."""
+"""Archives of arrays: numpy and any ZIP program read what is written at once, as we do."""
 
 from __future__ import annotations
 
+from io import BytesIO
 from zipfile import ZipFile
 
 import numpy as np
 import pytest
 
 from sldvexp.io import arrays
-from sldvexp.io.arrays import write_arrays
+from sldvexp.io.arrays import read_arrays, write_arrays
 
 KEPT = {
     "counts": np.arange(600, dtype=np.int16).reshape(3, 2, 100),
@@ -46,3 +47,36 @@ def test_the_archive_is_sound(tmp_path):
         assert one.namelist() == other.namelist()
         for name in set(one.namelist()) - {"turned.npy"}:
             assert one.read(name) == other.read(name)
+
+
+@pytest.fixture
+def written():
+    file = BytesIO()
+    write_arrays(file, **KEPT)
+    return file.getvalue()
+
+
+def test_what_is_written_is_read_at_once(written):
+    found = read_arrays(written)
+    assert list(found) == list(KEPT)
+    for name, array in KEPT.items():
+        np.testing.assert_array_equal(found[name], array)
+        assert (found[name].dtype, found[name].shape) == (array.dtype, array.shape)
+        assert found[name].flags.writeable
+
+
+def test_no_damage_is_read_at_once(written):
+    """Whichever byte is another, and wherever it is cut off; numpy looks at it then."""
+    for place in range(len(written)):
+        changed = bytearray(written)
+        changed[place] ^= 1
+        assert read_arrays(bytes(changed)) is None, place
+        assert read_arrays(written[:place]) is None, place
+    assert read_arrays(written + b"\0") is None
+
+
+@pytest.mark.parametrize("save", [np.savez, np.savez_compressed, np.save])
+def test_other_archives_are_left_to_numpy(save):
+    file = BytesIO()
+    save(file, np.arange(3))
+    assert read_arrays(file.getvalue()) is None
