@@ -107,8 +107,8 @@ def run(words: list[str], config_dir: str | None, port: str | None = None) -> in
         experiment, words, folder, aimed, scanned, number, advice, unfinished, added
     ) as made:
         print(f"{made.address}\nopen it in a browser on this machine; Ctrl-C ends it", flush=True)
-        with suppress(KeyboardInterrupt):
-            made.serve()
+        told = made.serve()
+    print(told, flush=True)
     return 0
 
 

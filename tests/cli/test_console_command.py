@@ -61,7 +61,9 @@ def test_packages_that_are_missing_are_named_with_what_installs_them(sldvexp, mo
 def test_console_ends_in_order(tmp_path, number):
     served = Served(tmp_path)
     assert served.end(number) == 0
-    assert len(served.output.read_text().splitlines()) == 2
+    *_, last = told = served.output.read_text().splitlines()
+    assert len(told) == 3
+    assert last == "the console has ended: no instrument was opened"
 
 
 @pytest.fixture
