@@ -19,6 +19,7 @@ import numpy as np
 
 from sldvexp.config.experiment import Experiment
 from sldvexp.console.board import NoticeBoard
+from sldvexp.console.drawing import drawn_layout
 from sldvexp.console.marks import (
     CORNER,
     CORNERS,
@@ -482,12 +483,9 @@ class AimingBench:
         e = self.experiment
         low, high = e.laser.board.value
         ways = e.laser.ways.tolist()
-        layout = [
-            {"kind": kind, "number": number, "at": place.position[:2].round(4).tolist()}
-            for (kind, number), place in self.outlook.places.items()
-        ]
-        setup = {"low": low, "high": high, "ways": ways, "wanted": self.wanted, "layout": layout}
-        self.board.tell("setup", setup)
+        layout, seen = drawn_layout(e, self.outlook.places, self.outlook.rims)
+        setup = {"low": low, "high": high, "ways": ways, "wanted": self.wanted}
+        self.board.tell("setup", {**setup, "layout": layout, "layout_told": seen})
         self.board.begin("raster", view=self.view)
         self.board.tell("level", None)
         self.board.tell("looking", False)

@@ -128,9 +128,7 @@ def misfits_of(
     return found
 
 
-def _without(
-    name: str, marks: Mapping[str, Steps], alone: Callable[[], Aiming]
-) -> _Others | None:
+def _without(name: str, marks: Mapping[str, Steps], alone: Callable[[], Aiming]) -> _Others | None:
     """Fit all marks but one, and compare that one with the pose to which it belongs."""
     rest = alone()
     for other, steps in marks.items():

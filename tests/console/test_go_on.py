@@ -176,9 +176,7 @@ def test_console_that_had_an_instrument_says_how_it_is_left(lab_experiment, tmp_
         raise KeyboardInterrupt
 
     one.bench.turn = ended
-    assert one.serve() == (
-        "the console has ended: the mirrors are home and the generator is off"
-    )
+    assert one.serve() == ("the console has ended: the mirrors are home and the generator is off")
     one.bench.doubt()
     assert "did not answer at last: see to its mirrors" in one.serve()
     unfinished = InterruptedRun("interrupted", tmp_path)
