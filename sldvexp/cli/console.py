@@ -41,10 +41,9 @@ OPTIONS = COMMAND_HELP["console"].options
 #: Packages of the extra `console`.
 NEEDED = ("starlette", "uvicorn", "websockets")
 #: Advice while the views are too few for any.
-TOO_FEW = (
-    "So few views do not determine three components anywhere; three that stand well apart do. "
-    "sldvexp plan finds stands for all of them."
-)
+TOO_FEW = "So few do not determine three components anywhere; three that stand well apart do."
+#: The same where no other view is coming.
+NO_MORE = "sldvexp plan finds stands for all of them."
 #: Advice to who may still choose their stands.
 BETTER = (
     "Stands that are not from sldvexp plan can be bettered by it; it writes an experiment with its "
@@ -107,8 +106,8 @@ def run(words: list[str], config_dir: str | None, port: str | None = None) -> in
         experiment, words, folder, aimed, scanned, number, advice, unfinished, added
     ) as made:
         print(f"{made.address}\nopen it in a browser on this machine; Ctrl-C ends it", flush=True)
-        with suppress(KeyboardInterrupt):
-            made.serve()
+        told = made.serve()
+    print(told, flush=True)
     return 0
 
 
@@ -188,19 +187,42 @@ def advice(experiment: Experiment, groups: Mapping[str, xr.Dataset]) -> Advice:
     if experiment.volume is None or not any(name.startswith("image/") for name in groups):
         return Advice(["Without a volume and images of it nobody can say where to stand next."])
     done = RunData(dict(groups), {}, Path())
-    told = []
+    views = [name.removeprefix("image/") for name in groups if name.startswith("image/")]
+    every = experiment.scan.view_names() if experiment.scan else []
+    ahead = [name for name in every if name not in views]
+    told = [views_told(views, ahead)]
     with suppress(UserError):  # of so few views
         told.append(f"If you stopped here: {_reached(planner.check_stands(experiment, done))}.")
     try:
         after = planner.next_stand(experiment, done)
     except UserError as error:
-        return Advice([*told, f"No stand can be advised: {error}."] if told else [TOO_FEW])
+        few = [TOO_FEW, *([] if ahead else [NO_MORE])]
+        return Advice([*told, f"No stand can be advised: {error}."] if told[1:] else [*told, *few])
     for stand in after.added:
         place, what = (_metres(point) for point in (stand.origin, stand.look_at))
         told.append(f"Stand next at {place} m and look at {what} m. Then: {_reached(after)}.")
     if after.one_more is not None:
         told.append(f"{_sentence(after.one_more.told)}.")
     return Advice(told, PlanFigure(after))
+
+
+def views_told(done: Sequence[str], ahead: Sequence[str]) -> str:
+    """Say which views of a scan are done, and which are to come.
+
+    Examples
+    --------
+    >>> views_told(["1"], ["2", "3", "4"])
+    '1 of 4 views is done: 1. Still to come: 2, 3 and 4.'
+    >>> views_told(["left", "right"], [])
+    '2 of 2 views are done: left and right.'
+    """
+    are = "is" if len(done) == 1 else "are"
+    told = f"{len(done)} of {len(done) + len(ahead)} views {are} done: {_listed(done)}."
+    return f"{told} Still to come: {_listed(ahead)}." if ahead else told
+
+
+def _listed(names: Sequence[str]) -> str:
+    return " and ".join(filter(None, [", ".join(names[:-1]), names[-1]]))
 
 
 class PlanFigure:

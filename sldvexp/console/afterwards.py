@@ -1,7 +1,7 @@
 """Pose of a view, and advice on the next, told while that one is scanned.
 
-A thread of its own computes it, so that the scan does not wait; views that come meanwhile are
-taken together.
+Threads of their own compute them, so that neither the scan waits nor a pose for the advice after
+the view before; advice is on all views that have come by then.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from sldvexp.dataset import Finding, verdict_of
 from sldvexp.errors import UserError
 from sldvexp.lazy import xarray as xr
 from sldvexp.pose.base import PoseResult
+from sldvexp.report import with_bound
 
 log = logging.getLogger(__name__)
 
@@ -73,14 +74,18 @@ class Afterwards:
         self._groups: dict[str, xr.Dataset] = {}
         self._told: dict[str, list[str]] = {}
         self._scanned: dict[str, list[str]] = {}  # of these what the scan itself says
-        self._waiting = 0
+        self._first: dict[str, str] = {}  # of these their places when they were the last
         self._work: queue.Queue[tuple[str, Groups] | None] = queue.Queue()
-        self._thread = threading.Thread(target=self._do, name="afterwards", daemon=True)
-        self._thread.start()
+        self._posed: queue.Queue[Groups | None] = queue.Queue()
+        self._threads = [
+            threading.Thread(target=work, name=name, daemon=True)
+            for work, name in ((self._do, "afterwards"), (self._do_advice, "advice"))
+        ]
+        for thread in self._threads:
+            thread.start()
 
     def view_done(self, name: str, groups: Groups) -> None:
         """Take the groups of a view."""
-        self._waiting += 1
         self._work.put((name, dict(groups)))
 
     def end(self) -> None:
@@ -88,13 +93,13 @@ class Afterwards:
         self._work.put(None)
 
     def join(self, seconds: float | None = None) -> None:
-        """Wait until all is told, once the end is said, or so long."""
-        self._thread.join(seconds)
+        """Wait until all is told, once the end is said, or so long for each thread."""
+        for thread in self._threads:
+            thread.join(seconds)
 
     def _do(self) -> None:
         while (taken := self._work.get()) is not None:
             name, groups = taken
-            self._waiting -= 1
             self._groups |= groups
             told = [line for g in groups.values() for line in _summary(g)]
             self._told[name] = self._scanned[name] = told
@@ -105,17 +110,35 @@ class Afterwards:
                     continue
                 for view in result.views:
                     if view in self._told:
-                        self._told[view] = [*sentences(result, view), *self._scanned[view]]
+                        first = self._first.setdefault(view, place_told(result, view))
+                        told = [*sentences(result, view, first), *self._scanned[view]]
+                        self._told[view] = told
                 self._tell(self._told)
-                if self._advise is not None and not self._waiting:
-                    self._planned(
-                        self._advise(self._experiment, {**self._groups, "pose": result.pose})
-                    )
+                self._posed.put({**self._groups, "pose": result.pose})
             except UserError as error:
                 self._told[name] = [*told, f"{POSE}: not known yet, {error}"]
                 self._tell(self._told)
             except Exception:
                 log.exception("what is told after the view %s", name)
+        self._posed.put(None)
+
+    def _do_advice(self) -> None:
+        """Advise on the views that have come last."""
+        ended = False
+        while not ended:
+            taken = [self._posed.get()]
+            while not self._posed.empty():
+                taken.append(self._posed.get())
+            ended = taken[-1] is None
+            known = [groups for groups in taken if groups is not None]
+            if not known or self._advise is None:
+                continue
+            try:
+                self._planned(self._advise(self._experiment, known[-1]))
+            except UserError as error:
+                self._planned(Advice([f"{error}."]))
+            except Exception:
+                log.exception("advice on where to stand")
 
     def _pose(self) -> PoseResult | None:
         """Estimate the pose of all views that are done."""
@@ -130,7 +153,14 @@ class Afterwards:
 POSE = "Pose"
 
 
-def sentences(result: PoseResult, view: str) -> list[str]:
+#: Why a pose moves and becomes surer with views that are not its own.
+TOGETHER = (
+    "{count} views are estimated together, since the errors of the calibration object are the same "
+    "in all: each tells more of them; when this view was the last, {first}"
+)
+
+
+def sentences(result: PoseResult, view: str, first: str = "") -> list[str]:
     """Say where the instrument stood in a view, how well that is known, and what is doubtful.
 
     Parameters
@@ -138,21 +168,28 @@ def sentences(result: PoseResult, view: str) -> list[str]:
     result : PoseResult
     view : str
         One of its views.
+    first : str
+        Where it stood, see `place_told`, as it was known when this view was the last one.
     """
     own = result.pose.sel(view=view)
-    origin, bound = own["origin"].values, own["origin_confidence"].values
     level = 100 * float(result.pose.attrs.get("confidence_level", 0.95))
-    place, mm = (
-        ", ".join(f"{v:{f}}" for v in values)
-        for values, f in ((origin, ".4f"), (MILLI * bound, ".2g"))
-    )
     findings = [f for f in result.findings if of_view(f, view)]
     verdict = verdict_of(findings)
-    sure = f"+- ({mm}) mm, {level:.0f} % bounds" if np.isfinite(bound).all() else "without bounds"
-    told = [f"{POSE}: origin ({place}) m {sure}; {verdict}"]
+    place, bounded = place_told(result, view), np.isfinite(own["origin_confidence"]).all()
+    told = [f"{POSE}: origin {place}{f' ({level:.0f} % bounds)' * bool(bounded)}; {verdict}"]
     if "residual_rms" in own and np.isfinite(float(own["residual_rms"])):
         told[0] += f"; residuals {float(own['residual_rms']):.2g} DAC steps"
+    if first not in ("", place):
+        told += [f"{POSE}: {TOGETHER.format(count=len(result.views), first=first)}"]
     return told + [f"{POSE} {f.severity.name}: {f.text}" for f in findings]
+
+
+def place_told(result: PoseResult, view: str) -> str:
+    """Say where the instrument stood in a view, mm, as reports do."""
+    own = result.pose.sel(view=view)
+    pairs = zip("xyz", own["origin"].values, own["origin_confidence"].values, strict=True)
+    each = (f"{axis} {with_bound(MILLI * x, MILLI * bound)}" for axis, x, bound in pairs)
+    return f"{', '.join(each)} mm"
 
 
 def of_view(finding: Finding, view: str) -> bool:

@@ -19,6 +19,7 @@ import numpy as np
 
 from sldvexp.config.experiment import Experiment
 from sldvexp.console.board import NoticeBoard
+from sldvexp.console.drawing import drawn_layout
 from sldvexp.console.marks import (
     CORNER,
     CORNERS,
@@ -63,6 +64,8 @@ STRIDE, HELD = 0.05, 0.6
 #: Pictures of the camera are not taken more often than this, s.
 PICTURE = 0.2
 MILLI = 1e3
+#: How an instrument is left.
+HOME = "the mirrors are home and the generator is off"
 #: Place of the reference among the channels.
 REFERENCE = CHANNELS.index("reference")
 #: Numbers of spots at most, and steps that no board has.
@@ -99,7 +102,7 @@ class AimingBench:
         self.outlook = Outlook(experiment, self.wanted)
         self.kind = next(iter(self.wanted), "")
         self.beam: Steps = (0, 0)
-        self.steered = False
+        self.steered = self.used = False
         self.further: dict[str, Callable[[Wish], None]] = {}
         self.answered: Callable[[], None] = lambda: None
         self.changed: Callable[[], None] = lambda: None  # told of the marks
@@ -151,6 +154,13 @@ class AimingBench:
         now = time.time()
         self._complaint = now if problem else 0.0
         self.board.tell("said", {"text": text, "problem": problem, "at": now})
+
+    @property
+    def left_as(self) -> str:
+        """Say how the instrument is left at the end."""
+        if self._silent:
+            return "the instrument did not answer at last: see to its mirrors and its generator"
+        return HOME if self.used else "no instrument was opened"
 
     def doubt(self) -> None:
         """Take it that the instrument has failed until it answers, which is said then."""
@@ -217,7 +227,7 @@ class AimingBench:
     def _lost(self, wish: Wish) -> None:
         self.steered = False
         self.leave()
-        self.say("Nobody is steering: the mirrors are home and the generator is off.")
+        self.say(f"Nobody is steering: {HOME}.")
 
     def _move(self, wish: Wish) -> None:
         self._go(_pair(wish.get("to")))
@@ -418,6 +428,7 @@ class AimingBench:
         if self._instrument is None:
             opened = e.instrument.open(e.scene, e.laser, e.target, seed=e.seed, view=self.view)
             self._instrument = self._opened.enter_context(opened)
+            self.used = True
         return self._instrument
 
     def _full(self) -> Acquisition:
@@ -472,12 +483,9 @@ class AimingBench:
         e = self.experiment
         low, high = e.laser.board.value
         ways = e.laser.ways.tolist()
-        layout = [
-            {"kind": kind, "number": number, "at": place.position[:2].round(4).tolist()}
-            for (kind, number), place in self.outlook.places.items()
-        ]
-        setup = {"low": low, "high": high, "ways": ways, "wanted": self.wanted, "layout": layout}
-        self.board.tell("setup", setup)
+        layout, seen = drawn_layout(e, self.outlook.places, self.outlook.rims)
+        setup = {"low": low, "high": high, "ways": ways, "wanted": self.wanted}
+        self.board.tell("setup", {**setup, "layout": layout, "layout_told": seen})
         self.board.begin("raster", view=self.view)
         self.board.tell("level", None)
         self.board.tell("looking", False)

@@ -26,7 +26,13 @@ from sldvexp.errors import UserError
 from sldvexp.files import read_text
 from sldvexp.report import REPORT_FILE, closing_lines
 from sldvexp.session import Operator, Watcher
-from sldvexp.session.interruption import EndedScanError, InterruptedRun, UnfinishedError
+from sldvexp.session.interruption import (
+    GO_ON,
+    EndedScanError,
+    InterruptedRun,
+    UnfinishedError,
+    resume_here,
+)
 
 log = logging.getLogger(__name__)
 
@@ -144,9 +150,22 @@ class Console:
         self._shown += 1
         self.board.tell("phase", {"tab": tab, "count": self._shown})
 
-    def serve(self) -> None:
-        """Aim and scan as the controller wishes, until Ctrl-C."""
-        self.bench.serve()
+    def serve(self) -> str:
+        """Aim and scan as the controller wishes, until Ctrl-C; say then how the instrument is left.
+
+        Raises
+        ------
+        UserError
+            If the instrument cannot be left as it should be.
+        """
+        told = ""
+        try:
+            self.bench.serve()
+        except InterruptedRun as stop:
+            told = f"; {stop.kept.told} {GO_ON}{resume_here(stop.folder)}"
+        except KeyboardInterrupt:
+            pass
+        return f"the console has ended: {self.bench.left_as}{told}"
 
     def _write(self, wish: Wish) -> None:
         """Write what was aimed, as an experiment."""
@@ -257,6 +276,7 @@ class Console:
     ) -> None:
         """Run settings, and tell what becomes of it; a run that was begun can go on until done."""
         self.bench.leave()  # the run opens the instrument for itself
+        self.bench.used = True
         advised = self._advise, self._tell_advice
         scanning = Scanning(experiment, self.board, self.wishes, *advised, kept)
         marks: Mapping[str, Mapping[Name, Steps]] = self.bench.marks.every
@@ -284,8 +304,8 @@ class Console:
             self._page = folder / REPORT_FILE
             page = self._page.is_file()
             with dataset.load(folder / RUN_FILE) as tree:
-                files = [folder / RUN_FILE, *([self._page] if page else [])]
-                lines = [list(line) for line in closing_lines(RunData.from_source(tree), files)]
+                run = RunData.from_source(tree)
+                lines = [list(line) for line in closing_lines(run, scanning.files)]
             told = f"The run is in {folder}."
             self.board.tell("result", {"told": told, "page": page, "lines": lines})
             self._show("result")

@@ -59,6 +59,8 @@ class Scanning(Watcher):
         Views of which everything is there, and of which anything is.
     folder : Path or None
         Of its run, once that is known.
+    files : list of Path
+        That it has left, once it is done.
     """
 
     def __init__(
@@ -79,6 +81,7 @@ class Scanning(Watcher):
         self._rest: Callable[[], None] | None = None
         self._step = ""
         self._folder: Path | None = None
+        self.files: list[Path] = []
         self._view: ViewAhead | None = None
         self._progress: ScanProgress | None = None
         self._lock = threading.Lock()  # of the progress, of which the painter's thread tells too
@@ -100,6 +103,10 @@ class Scanning(Watcher):
     def folder(self) -> Path | None:
         """Folder of its run, once that is known."""
         return self._folder
+
+    def run_done(self, files: list[Path]) -> None:
+        """See `Watcher`."""
+        self.files = files
 
     def step_begun(self, name: str, number: int, count: int) -> None:
         """See `Watcher`."""

@@ -104,6 +104,7 @@ def run(
             attributes["reused_steps"] = ", ".join(run.reused)
         named = list(_texts(OmegaConf.to_container(cfg)))
         made = _leave(run, attributes, report, named, begin)
+        watching.run_done(made)
     if not quiet:
         print_closing(RunData(run.kept, attributes), made)
     return whole and ("check" not in run.tree or bool(run.tree["check"]["passed"].all()))

@@ -272,6 +272,24 @@ class Aiming:
         std = np.hypot(std, self._place_std(place, poses[0]))
         return PlacePrediction(dac, std, reached)
 
+    def scatter(self, name: str, pose: RoughPose) -> tuple[Array, Array]:
+        """Give where one pose of other marks has a place, and how a mark of it scatters around.
+
+        Returns
+        -------
+        dac : ndarray, shape (2,), steps
+            NaN where the mirrors do not reach it.
+        covariance : ndarray, shape (2, 2), squared steps
+            Of the pose, the place in the world and the pointing together.
+        """
+        self._require(name)
+        place = self.places[name]
+        point = place.position[None]
+        dac = predicted_steps([pose], point, self.laser)[0][0]
+        _, (by_pose,) = pose.angles(point, self.laser.mirror_offset)
+        own = self.pointing**2 + self._place_std(place, pose) ** 2
+        return dac, by_pose / np.outer(self.laser.step, self.laser.step) + own * np.eye(2)
+
     def out_of_reach(self) -> dict[str, str]:
         """Say of open places that the mirrors do not reach by how much that is, by their names."""
         return self._beyond([self.places[name] for name in self.open], self.poses)

@@ -187,6 +187,9 @@ class Watcher:
     def run_begun(self, folder: Path) -> None:
         """Note the folder in which a run keeps what it has scanned."""
 
+    def run_done(self, files: list[Path]) -> None:
+        """Note that a run is done, and the files that it has left, the dataset first."""
+
     def step_begun(self, name: str, number: int, count: int) -> None:
         """Note that step `number` of `count` of a run begins."""
 

@@ -17,6 +17,7 @@ from sldvexp.config import composing
 from sldvexp.config.experiment import Experiment
 from sldvexp.config.paths import conf_dir
 from sldvexp.errors import UserError, nearest
+from sldvexp.stopping import heed
 from sldvexp.virtual_lab.lab import VirtualLab
 from sldvexp.virtual_lab.scene import Scene
 from sldvexp.virtual_lab.server import LabServer
@@ -34,7 +35,8 @@ EXPERIMENT = "experiment=dissertation/automated_pose"
 
 
 def main() -> None:
-    """Serve until Ctrl-C. Exit status: 0, or 1 with one sentence for a user's mistake."""
+    """Serve until Ctrl-C or SIGTERM. Exit status: 0, or 1 with one sentence for a user's mistake."""
+    heed()
     try:
         options = _parser().parse_args()
         serve(options.settings, options.host, options.port, options.config_dir)
@@ -50,7 +52,7 @@ def serve(
     port: int = PORT,
     config_dir: str | None = None,
 ) -> None:
-    """Start the lab of a configuration, print VISA's name of it, and serve until Ctrl-C.
+    """Start the lab of a configuration, print VISA's name of it, and serve until Ctrl-C, which is told.
 
     Parameters
     ----------
@@ -82,9 +84,11 @@ def serve(
             raise UserError(f"--host {host}: {unknown}") from None
         why = f"cannot listen on {host}, port {port}: {os.strerror(error.errno or 0)}"
         raise UserError(f"{why}; --port 0 takes a free one") from None
-    with server, suppress(KeyboardInterrupt):
-        print("\n".join([server.resource, *told]), flush=True)
+    with suppress(KeyboardInterrupt), server:
+        # In one piece, so that a signal in the midst of it leaves no line without its end.
+        print("".join(f"{line}\n" for line in (server.resource, *told)), end="", flush=True)
         server.stopping.wait()
+    print(f"the virtual lab at {server.resource} has ended", flush=True)
 
 
 def experiment(settings: Sequence[str], config_dir: str | None = None) -> Experiment:

@@ -16,8 +16,10 @@ from sldvexp.config.experiment import Experiment
 from sldvexp.config.planning import PlanCriterion
 from sldvexp.console import Console
 from sldvexp.errors import UserError
+from sldvexp.geometry import KnownPose
 from sldvexp.laser import TwoMirror
 from sldvexp.planner.one_more import OneMore
+from sldvexp.scan.session import Session
 from sldvexp.volume import Grid
 from tests.console.conftest import BENCH
 from tests.console.served import Served
@@ -61,7 +63,9 @@ def test_packages_that_are_missing_are_named_with_what_installs_them(sldvexp, mo
 def test_console_ends_in_order(tmp_path, number):
     served = Served(tmp_path)
     assert served.end(number) == 0
-    assert len(served.output.read_text().splitlines()) == 2
+    *_, last = told = served.output.read_text().splitlines()
+    assert len(told) == 3
+    assert last == "the console has ended: no instrument was opened"
 
 
 @pytest.fixture
@@ -174,6 +178,7 @@ def test_advice_tells_what_is_reached_and_where_to_stand_next(planned):
     found = console.advice(Experiment(volume=VOLUME), {"pose": None, "image/1": None})
     assert found.figure._plan is planned[1]
     assert found.told == [
+        "1 of 1 views is done: 1.",
         "If you stopped here: 4 of 9 nodes are seen by too few views to determine all components.",
         "Stand next at (1.00, 2.00, 3.46) m and look at (0.00, 0.00, 0.00) m. Then: the r.m.s. "
         "bound is 1 mm/s where every place is taken by itself, by the noise alone; that of a "
@@ -192,7 +197,22 @@ def test_advice_without_a_volume_or_with_too_few_views_says_so(planned, monkeypa
     told = console.advice(Experiment(volume=VOLUME), {"image/1": None}).told
     assert told[-1] == "No stand can be advised: 3 are needed."
     monkeypatch.setattr(planner, "check_stands", few)
-    assert console.advice(Experiment(volume=VOLUME), {"image/1": None}).told == [console.TOO_FEW]
+    last = console.advice(Experiment(volume=VOLUME), {"image/1": None}).told
+    assert last == ["1 of 1 views is done: 1.", console.TOO_FEW, console.NO_MORE]
+
+
+def test_advice_in_mid_scan_counts_the_views_that_are_done_and_to_come(planned, monkeypatch):
+    def few(*_):
+        raise UserError("3 are needed")
+
+    monkeypatch.setattr(planner, "next_stand", few)
+    monkeypatch.setattr(planner, "check_stands", few)
+    views = {name: KnownPose([0, 0, 0], [0, 0, 1]) for name in ("1", "2", "3", "4")}
+    experiment = Experiment(volume=VOLUME, scan=Session(poses=views))
+    assert console.advice(experiment, {"image/1": None, "image/2": None}).told == [
+        "2 of 4 views are done: 1 and 2. Still to come: 3 and 4.",
+        console.TOO_FEW,
+    ]
 
 
 def test_advice_before_a_scan_is_what_the_given_stands_reach(planned, monkeypatch):

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import threading
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from sldvexp.console.afterwards import Advice, Afterwards, of_view, sentences
+from sldvexp.console.afterwards import Advice, Afterwards, of_view, place_told, sentences
 from sldvexp.dataset import Finding
 from sldvexp.dataset.findings import (
     findings_of,
@@ -17,6 +18,7 @@ from sldvexp.dataset.findings import (
 )
 from sldvexp.errors import UserError
 from sldvexp.lazy import xarray as xr
+from sldvexp.report import with_bound
 from sldvexp.session.session import scan_views
 
 
@@ -48,15 +50,58 @@ def test_pose_of_every_view_is_told_with_bounds_and_verdict(scanned):
     last = told[-1]
     assert list(last) == ["1", "2"]
     for view in last.values():
-        assert view[0].startswith("Pose: origin (")
-        assert "95 % bounds; trusted" in view[0]
+        assert view[0].startswith("Pose: origin x ")
+        assert " mm (95 % bounds); trusted" in view[0]
     assert last["1"][-1].startswith("the circle around DAC steps")
     circles = [line.partition(":")[0] for line in last["2"] if line.startswith("circle")]
     assert circles == ["circle 1", "circle 2", "circle 3", "circle 4"]
     assert advised[-1].told == ["edge/1, edge/2, pose"]
     result = made.pose.estimate(made.laser, made.target, groups)
-    origin = result.pose["origin"].sel(view="2").values
-    assert ", ".join(f"{x:.4f}" for x in origin) in last["2"][0]
+    pose = result.pose.sel(view="2")
+    pairs = zip(1e3 * pose["origin"].values, 1e3 * pose["origin_confidence"].values, strict=True)
+    for value, bound in pairs:  # as the report has them
+        assert with_bound(value, bound) in last["2"][0]
+
+
+def test_pose_that_further_views_have_made_surer_says_why(scanned):
+    """Of an object without errors of its own each view tells of itself alone."""
+    made, groups = scanned
+    for accuracy in (0.0, 0.05):
+        own, told = replace(made, target=replace(made.target, accuracy=accuracy)), []
+        after = Afterwards(own, lambda views, told=told: told.append(dict(views)))
+        for name in ("1", "2"):
+            after.view_done(name, {f"edge/{name}": groups[f"edge/{name}"]})
+        after.end()
+        after.join()
+        first = {"edge/1": groups["edge/1"]}
+        alone = place_told(own.pose.estimate(own.laser, own.target, first), "1")
+        surer = (
+            "Pose: 2 views are estimated together, since the errors of the calibration object are "
+            f"the same in all: each tells more of them; when this view was the last, {alone}"
+        )
+        assert (surer in told[-1]["1"]) == (accuracy > 0)
+        assert "together" not in " ".join(told[-1]["2"])
+
+
+def test_pose_does_not_wait_for_the_advice_after_the_view_before(scanned):
+    made, groups = scanned
+    told, second = [], threading.Event()
+
+    def advise(*_):
+        assert second.wait(120)
+        return Advice([])
+
+    def tell(views):
+        told.append({name: list(lines) for name, lines in views.items()})
+        if "2" in views and views["2"][0].startswith("Pose"):
+            second.set()
+
+    after = Afterwards(made, tell, advise)
+    for name in ("1", "2"):
+        after.view_done(name, {f"edge/{name}": groups[f"edge/{name}"]})
+    after.end()
+    after.join()
+    assert second.is_set()
 
 
 def test_pose_that_cannot_be_found_is_told_and_the_next_one_is(scanned, monkeypatch):

@@ -10,7 +10,12 @@ import pytest
 from sldvexp.console import Console
 from sldvexp.console.afterwards import Advice
 from sldvexp.instrument import NOT_HOME
-from sldvexp.session.interruption import LINES_KEPT, UnfinishedError, kept_lines
+from sldvexp.session.interruption import (
+    LINES_KEPT,
+    InterruptedRun,
+    UnfinishedError,
+    kept_lines,
+)
 from tests.console.test_bench import Seen
 
 
@@ -159,3 +164,27 @@ def test_marks_that_contradict_one_another_are_told_once_before_the_scan(lab_exp
             assert told["text"].startswith("view 1: circles 1, 2, 3 and 4 contradict one another")
             assert told["text"].endswith("or Scan again, which scans with the marks as they are")
     assert len(runs) == 1
+
+
+def test_console_that_had_an_instrument_says_how_it_is_left(lab_experiment, tmp_path):
+    one = Console(lab_experiment, ["experiment=plate"], tmp_path, None, None)
+    for wish in ({"do": "taken"}, {"do": "move", "to": [30, 40]}):
+        one.wishes.put(wish)
+        one.bench.turn()
+
+    def ended():
+        raise KeyboardInterrupt
+
+    one.bench.turn = ended
+    assert one.serve() == ("the console has ended: the mirrors are home and the generator is off")
+    one.bench.doubt()
+    assert "did not answer at last: see to its mirrors" in one.serve()
+    unfinished = InterruptedRun("interrupted", tmp_path)
+
+    def ended_in_a_scan():
+        raise unfinished
+
+    one.bench.turn = ended_in_a_scan
+    assert one.serve().endswith(
+        f"; what was scanned is kept, go on with: sldvexp console resume={tmp_path}"
+    )

@@ -8,8 +8,11 @@ import pytest
 from sldvexp.console.marks import wanted
 from sldvexp.console.misfit import ODD, misfits_of
 from sldvexp.console.outlook import Outlook
+from sldvexp.laser import TwoMirror, project
+from sldvexp.pose import Aiming, AimingPlace
 from sldvexp.virtual_lab.console import experiment
 from sldvexp.virtual_lab.lab import VirtualLab
+from tests.console.two_faces import made
 
 SEEDS = 16
 
@@ -59,3 +62,72 @@ def test_wrong_one_of_four_marks_is_told_by_all_four():
     ]
     assert sum(count == 4 for count, _ in told) >= 0.9 * len(told)
     assert sum(sentence for _, sentence in told) >= 0.9 * len(told)
+
+
+def fine():
+    """An outlook on a board of fine steps, and the places of eight circles in view 1."""
+    made = experiment(["experiment=plate", "target=two_planes", "laser.board=bits_16"])
+    outlook = Outlook(made, wanted(made))
+    lab = VirtualLab(made.scene, made.laser, made.target, made.seed)
+    lab.use_view("1")
+    places = list(outlook.places.values())
+    true = lab.true_dac(np.array([place.position for place in places]))
+    return outlook, dict(zip((place.name for place in places), np.rint(true), strict=True))
+
+
+def misfits(outlook, marks):
+    aiming = outlook._aiming()
+    for name, steps in marks.items():
+        aiming.take(name, steps)
+    return aiming, misfits_of(aiming, aiming.taken, outlook._aiming)
+
+
+@pytest.mark.parametrize("count", [4, 6])
+def test_bound_of_marks_that_meet_exactly_is_where_they_would_be_called_off(count):
+    """Marks that are taken at their predictions leave nothing by which to scale it."""
+    outlook, true = fine()
+    marks = dict(list(true.items())[:count])
+    pointing = outlook._pointing()
+    for name, found in misfits(outlook, marks)[1].items():
+        assert found.off < 5  # by whole steps alone
+        assert 3 * pointing < found.usual < 0.1 * 65536
+        for times, beside in ((0.4, False), (2.5, True)):
+            moved = marks[name] + times * found.usual * np.array([0.6, -0.8])
+            assert misfits(outlook, {**marks, name: moved})[1][name].beside == beside
+
+
+def test_mark_is_compared_with_the_pose_of_all_marks_and_not_with_the_likeliest_of_the_rest(
+    tmp_path,
+):
+    """Of three marks that allow several poses the likeliest may be a wrong one."""
+    box = made(tmp_path)
+    outlook, lab = Outlook(box, wanted(box)), VirtualLab(box.scene, box.laser, box.target, 0)
+    lab.use_view("4")
+    places = list(outlook.places.values())[:4]
+    true = np.rint(lab.true_dac(np.array([place.position for place in places])))
+    marks = {place.name: steps for place, steps in zip(places, true, strict=True)}
+    aiming, found = misfits(outlook, marks)
+    assert np.hypot(*(aiming.predict("circle 4").dac - marks["circle 4"])) > 500
+    assert max(m.off / m.usual for m in found.values()) < 0.1
+
+
+def test_mark_whose_place_the_others_do_not_tell_has_no_bound_but_a_word():
+    """A mark far from three that stand close together can be anywhere: it fixes the pose."""
+    where = [[0, 0, 0], [0.02, 0, 0], [0, 0.02, 0], [0.6, 0.4, 0.1]]
+    places = [AimingPlace(f"mark {k}", np.array(p)) for k, p in enumerate(where, 1)]
+    laser = TwoMirror()
+    dac = laser.dac_from_angle(
+        project((where - np.array([0.2, 0.1, 1.5])) @ np.diag([-1.0, 1.0, -1.0]))
+    )
+
+    def alone():
+        return Aiming(laser, places, 5.0)
+
+    aiming = alone()
+    for place, steps in zip(places, np.rint(dac), strict=True):
+        aiming.take(place.name, steps)
+    found = misfits_of(aiming, aiming.taken, alone)
+    told = found["mark 4"].told
+    assert (told["off"], told["usual"], told["beside"]) == (None, None, False)
+    assert told["why"] == "the others do not tell where it lies, so that it can be anywhere"
+    assert found["mark 1"].told["why"] == ""

@@ -71,6 +71,7 @@ def test_two_views_are_aimed_at_scanned_paused_and_finished(served, configured, 
         page.click("again")
         page.click("go-on")
         page.until(lambda: page.can("report"))
+        assert "run.nc, pose.txt, report.html" in page.text("result-lines")
         pictured(page, f"done-{size[0]}")
         page.click("tab-scan")
         page.until(lambda: page.text("views-done").count("Pose: origin") == 2)

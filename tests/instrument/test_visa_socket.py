@@ -149,6 +149,15 @@ def test_the_command_serves_the_lab_of_its_configuration(served, lab, line, same
     assert process.stderr.read() == ""
 
 
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_lab_that_is_ended_says_so(served, number):
+    process, resource = served()
+    process.send_signal(number)
+    assert process.wait(LONGEST) == 0
+    assert process.stdout.read().splitlines()[-1] == f"the virtual lab at {resource} has ended"
+    assert process.stderr.read() == ""
+
+
 def test_by_default_it_is_the_lab_of_the_automated_pose():
     made = console.experiment([])
     assert type(made.scene).__name__ == "CalibrationScene"

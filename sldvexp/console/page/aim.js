@@ -1,6 +1,7 @@
 // Aiming: the field of view, the beam, the level, and the marks.
 
 import { Cells, atFrequency, paintRamp } from "./cells.js";
+import { drawLayout } from "./layout.js";
 
 const $ = (id) => document.getElementById(id);
 const STEPS = [1, 10, 100];
@@ -56,6 +57,7 @@ export class Aim {
     this.limits = [word.low, word.high];
     this.ways = word.ways;
     this.layout = word.layout;
+    this.layoutTold = word.layout_told;
     for (const cells of [this.map, $("image").cells]) cells.turn(word.ways);
     $("slide-left").dir = word.ways[1] > 0 ? "rtl" : "ltr";
     $("slide-up").dir = word.ways[0] > 0 ? "ltr" : "rtl";
@@ -182,7 +184,11 @@ export class Aim {
       option.setAttribute("role", "option");
       option.setAttribute("aria-selected", String(name === view));
       option.dataset.name = name;
-      option.textContent = marks ? `${name} (${marks} mark${marks > 1 ? "s" : ""})` : name;
+      option.setAttribute("aria-label", `${name}, ${marks} mark${marks === 1 ? "" : "s"}`);
+      option.title = `${marks} mark${marks === 1 ? "" : "s"}`;
+      const count = document.createElement("span");
+      count.textContent = marks ? `(${marks})` : "";
+      option.append(name, count);
       return option;
     }));
     const options = [...list.children];
@@ -256,6 +262,7 @@ export class Aim {
         cell.append(content);
         if (!set && guess) cell.className = "predicted";
         if (set?.beside && content === off) cell.className = "beside";
+        if (set?.why && content === off) cell.title = set.why;
         return cell;
       });
       row.append(...cells);
@@ -264,25 +271,36 @@ export class Aim {
     });
     $("marks").tBodies[0].replaceChildren(...rows);
     this.drawLayout();
-    $("marks").querySelector(".chosen")?.scrollIntoView({ block: "nearest" });
+    this.showChosen();
     this.drawOver();
     this.update(this.steering);
   }
 
-  /** Draw which mark is which, as they lie on the object: x to the right and y up. */
+  /** Scroll the list to the chosen mark, below its heading; never the page, which would move under the mouse. */
+  showChosen() {
+    const row = $("marks").querySelector("tr.chosen"), list = $("marks").parentNode;
+    if (!row) return;
+    const head = $("marks").tHead.offsetHeight, top = row.offsetTop - head, bottom = row.offsetTop + row.offsetHeight - list.clientHeight;
+    list.scrollTop = Math.max(Math.min(list.scrollTop, top), bottom);
+  }
+
+  /** Draw which mark is which: as this view sees them where that is known, else as they lie on the object. */
   drawLayout() {
     $("layout-box").hidden = this.layout.length < 2;
     if (this.layout.length < 2) return;
-    const wide = 200, tall = 100, aside = 14, ends = [0, 1].map((k) => [Math.min, Math.max].map((limit) => limit(...this.layout.map(({ at }) => at[k]))));
-    const scale = Math.min((wide - 2 * aside) / (ends[0][1] - ends[0][0] || 1e-9), (tall - 2 * aside) / (ends[1][1] - ends[1][0] || 1e-9));
-    const middle = ends.map(([low, high]) => (low + high) / 2);
-    $("layout").setAttribute("viewBox", `0 0 ${wide} ${tall}`);
-    $("layout").replaceChildren(...this.layout.map(({ kind, number, at }) => {
-      const [x, y] = [wide / 2 + (at[0] - middle[0]) * scale, tall / 2 - (at[1] - middle[1]) * scale];
-      const group = drawn("g", {}, drawn("circle", { cx: x, cy: y, r: 9 }), drawn("text", { x, y: y + 3 }, String(number)));
-      if (kind === this.chosen?.kind && number === this.chosen?.number) group.setAttribute("class", "chosen");
-      return group;
-    }));
+    const seen = this.layoutSeen();
+    drawLayout($("layout"), seen ?? this.layout, this.chosen);
+    $("layout-told").textContent = `Which is which, ${seen ? `in view ${this.marks.view}` : this.layoutTold}`;
+  }
+
+  /** The same marks as this view sees them; null where not all are known. */
+  layoutSeen() {
+    const flat = ([up, left]) => [-this.ways[1] * left, this.ways[0] * up], { outlines } = this.marks;
+    const seen = this.layout.map((mark, i) => {
+      const rim = mark.rim.length ? outlines[i]?.points ?? [] : [], place = this.at(mark, this.marks.predicted)?.dac;
+      return place && (!mark.rim.length || rim.length > 2) ? { ...mark, at: flat(place), rim: rim.map(flat) } : null;
+    });
+    return seen.every(Boolean) ? seen : null;
   }
 
   drawOver() {
@@ -422,19 +440,11 @@ export class Aim {
   }
 }
 
-/** Make a part of a drawing. */
-function drawn(kind, attributes, ...content) {
-  const made = document.createElementNS("http://www.w3.org/2000/svg", kind);
-  for (const [name, value] of Object.entries(attributes)) made.setAttribute(name, value);
-  made.append(...content);
-  return made;
-}
-
 /** Say how far a mark lies off where the others put it, and up to where that is usual. */
 function offTold(set) {
   if (set?.off === undefined) return "";
-  const off = set.off.toFixed(0);
-  return set.usual === null ? off : `${off} ${set.beside ? ">" : "≤"} ${set.usual.toFixed(0)}`;
+  if (set.why) return "?";
+  return `${set.off.toFixed(0)} ${set.off > set.usual ? ">" : "≤"} ${set.usual.toFixed(0)}`;
 }
 
 /** Name a mark, in the list and on the map alike. */

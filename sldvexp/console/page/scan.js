@@ -71,14 +71,33 @@ export class Scan {
     this.page.choose("scan");
   }
 
+  /** Tell of the view that was done last, or of the one that was chosen since. */
   done(views) {
-    const parts = [...views].reverse().flatMap(({ name, told }) => {
-      const head = document.createElement("h2"), list = document.createElement("ul");
-      head.textContent = `View ${name}`;
-      list.append(...told.map((text) => Object.assign(document.createElement("li"), { textContent: text })));
-      return [head, list];
+    if (views.length !== this.views?.length) this.told = views.at(-1)?.name;
+    this.views = views;
+    const choices = views.map(({ name }) => {
+      const choice = Object.assign(document.createElement("button"), { type: "button", textContent: `View ${name}` });
+      choice.dataset.name = name;
+      choice.addEventListener("click", () => { this.told = name; this.showDone(); });
+      return choice;
     });
-    $("views-done").replaceChildren(...parts);
+    const lists = views.map(({ name, told }) => {
+      const list = document.createElement("ul");
+      list.dataset.name = name;
+      list.append(...told.map((text) => Object.assign(document.createElement("li"), { textContent: text })));
+      return list;
+    });
+    const within = $("views-done").contains(document.activeElement) && document.activeElement.dataset.name;
+    $("views-told").replaceChildren(...choices);
+    $("views-done").hidden = !views.length;
+    $("views-lists").replaceChildren(...lists);
+    this.showDone();
+    if (within) choices.find((choice) => choice.dataset.name === within)?.focus();
+  }
+
+  showDone() {
+    for (const choice of $("views-told").children) choice.setAttribute("aria-pressed", String(choice.dataset.name === this.told));
+    for (const list of $("views-lists").children) list.hidden = list.dataset.name !== this.told;
   }
 
   grow(header, [dac, value, flag]) {

@@ -1,0 +1,39 @@
+"""Drawing of the calibration object: every face is seen, and no place lies over another one."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from sldvexp.console.drawing import drawn_layout
+from sldvexp.console.marks import wanted
+from sldvexp.console.outlook import Outlook
+from tests.console.two_faces import made
+
+
+def drawn(experiment):
+    outlook = Outlook(experiment, wanted(experiment))
+    marks, told = drawn_layout(experiment, outlook.places, outlook.rims)
+    return {mark["number"]: np.array(mark["at"]) for mark in marks}, marks, told
+
+
+def test_a_board_is_drawn_from_its_front(lab_experiment):
+    at, marks, told = drawn(lab_experiment)
+    assert told == "from its front"
+    for number, circle in lab_experiment.target.circles.items():
+        np.testing.assert_allclose(
+            at[number] - at[1],
+            1e-3 * np.array([circle.x, circle.y])
+            - 1e-3
+            * np.array([lab_experiment.target.circles[1].x] + [lab_experiment.target.circles[1].y]),
+            atol=2e-4,
+        )
+    assert all(len(mark["rim"]) >= 12 for mark in marks)
+
+
+def test_circles_of_two_faces_stand_apart_in_their_order(tmp_path):
+    at, _, told = drawn(made(tmp_path))
+    assert told == "obliquely"
+    for left, right in ((1, 2), (4, 3), (5, 6), (8, 7)):
+        assert at[left][0] < at[right][0]
+    for low, high in ((1, 4), (2, 3), (4, 5), (3, 6), (5, 8), (6, 7)):
+        assert at[high][1] - at[low][1] > 0.03  # on the front upwards, on the top to the rear
