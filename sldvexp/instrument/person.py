@@ -21,6 +21,9 @@ from sldvexp.writing import make_folder, whole_or_nothing
 #: Bytes of a kept answer at most.
 LONGEST = 2**20
 
+#: Word of a kept answer about a mark that was taken where it was predicted.
+UNMOVED = "unmoved"
+
 Steps = tuple[int, int]
 Place = tuple[float, float, float]
 
@@ -119,6 +122,10 @@ class AimingGuide(Protocol):
         """Marks with their steps, in the order in which they were taken."""
 
     @property
+    def unmoved(self) -> list[str]:
+        """Marks that were taken where they were predicted, and tell nothing."""
+
+    @property
     def open(self) -> list[str]:
         """Marks of which nothing was said, in the order in which they were given."""
 
@@ -130,8 +137,8 @@ class AimingGuide(Protocol):
     def said(self) -> list[str]:
         """Marks that were taken or cannot be seen, in the order in which that was said."""
 
-    def take(self, name: str, dac: Sequence[float]) -> None:
-        """Take a mark at some steps."""
+    def take(self, name: str, dac: Sequence[float], unmoved: bool = False) -> None:
+        """Take a mark at some steps; unmoved if nobody has moved the beam from a prediction."""
 
     def hide(self, name: str) -> None:
         """Note that a mark cannot be seen."""
@@ -177,6 +184,15 @@ class TakenBackError(Exception):
 
 
 @runtime_checkable
+class HandOnBeam(Protocol):
+    """A person of whom is known if the beam was moved by hand, and not by a prediction alone."""
+
+    @property
+    def moved(self) -> bool:
+        """True if it was moved onto the mark that was aimed at last."""
+
+
+@runtime_checkable
 class Reviewer(Protocol):
     """A person who looks at all marks of a view before the session goes on."""
 
@@ -204,11 +220,13 @@ class RecordedPerson:
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
+        self.moved = True
 
     def aim(self, mark: Mark, start: Steps) -> Steps | None:
         """See `Person`."""
-        answer = self._answer(mark_name(mark.number))
-        return None if answer is None else (answer[0], answer[1])
+        steps, unmoved = steps_of(self._answer(mark_name(mark.number)))
+        self.moved = not unmoved
+        return steps
 
     def digitise(self, spot: int, samples: int) -> list[Place]:
         """See `Person`."""
@@ -238,6 +256,28 @@ def mark_name(number: int | str) -> str:
 def mark_label(number: int) -> str:
     """Name a mark for people, and for an `AimingGuide`."""
     return f"mark {number}"
+
+
+def answer_of(steps: Steps | None, unmoved: bool) -> list[Any] | None:
+    """Write down where a mark was found; unmoved if that is where it was predicted.
+
+    Examples
+    --------
+    >>> answer_of((3, -4), False), answer_of((3, -4), True), answer_of(None, False)
+    ([3, -4], [3, -4, 'unmoved'], None)
+    """
+    return None if steps is None else [*steps, *[UNMOVED] * unmoved]
+
+
+def steps_of(answer: Sequence[Any] | None) -> tuple[Steps | None, bool]:
+    """Read what `answer_of` wrote.
+
+    Examples
+    --------
+    >>> steps_of([3, -4, "unmoved"]), steps_of(None)
+    (((3, -4), True), (None, False))
+    """
+    return (None, False) if answer is None else ((answer[0], answer[1]), UNMOVED in answer[2:])
 
 
 def spot_name(spot: int) -> str:

@@ -6,6 +6,10 @@ fourth on each mark is compared with where the others put it: the residual of ma
 taken less the prediction from all marks but i, so that a wrong mark cannot pull its own prediction.
 A mark errs by the eye and by its place in the world, ``std_i^2 = pointing^2 + (place / distance /
 step)^2``; with errors that are stated right, ``cost`` of n marks is chi-square of 2n - 6.
+
+A mark that is taken where it was predicted, without a move by hand, has the steps of the other
+marks' pose and no error of its own: it would confirm any pose. It counts as taken, and tells
+nothing of where the instrument stands.
 """
 
 from __future__ import annotations
@@ -164,7 +168,8 @@ class Aiming:
         self.places = {place.name: place for place in places}
         self.pointing = pointing_of(laser) if pointing is None else pointing
         self._said: dict[str, Steps | None] = {}
-        self._before: list[tuple[str, dict[str, Steps | None]]] = []
+        self._unmoved: frozenset[str] = frozenset()
+        self._before: list[tuple[str, dict[str, Steps | None], frozenset[str]]] = []
         self._poses: dict[frozenset[str], list[RoughPose]] = {}
         self._told: str | None = None
 
@@ -172,6 +177,16 @@ class Aiming:
     def taken(self) -> dict[str, Steps]:
         """Marks with their (up_down, left_right) steps, in the order in which they were taken."""
         return {name: steps for name, steps in self._said.items() if steps is not None}
+
+    @property
+    def unmoved(self) -> list[str]:
+        """Marks taken where they were predicted, which tell nothing, in the order of taking."""
+        return [name for name in self.taken if name in self._unmoved]
+
+    @property
+    def telling(self) -> dict[str, Steps]:
+        """Marks that somebody has moved the beam onto, with their steps: a pose rests on these."""
+        return {name: steps for name, steps in self.taken.items() if name not in self._unmoved}
 
     @property
     def hidden(self) -> list[str]:
@@ -188,11 +203,17 @@ class Aiming:
         """Places that are neither taken nor hidden."""
         return [name for name in self.places if name not in self._said]
 
-    def take(self, name: str, dac: Sequence[float] | Array) -> None:
-        """Take a place at steps (up_down, left_right); again, if it was taken or hidden before."""
+    def take(self, name: str, dac: Sequence[float] | Array, unmoved: bool = False) -> None:
+        """Take a place at steps (up_down, left_right); again, if it was taken or hidden before.
+
+        Parameters
+        ----------
+        unmoved : bool
+            Whether these are the steps of a prediction, from which nobody has moved the beam.
+        """
         up_down, left_right = (round(float(step)) for step in dac)
         self.laser.angle_from_dac([up_down, left_right], name)
-        self._say(name, (up_down, left_right))
+        self._say(name, (up_down, left_right), unmoved)
 
     def hide(self, name: str) -> None:
         """Note that a place cannot be seen in this view."""
@@ -210,14 +231,14 @@ class Aiming:
         """Take the last of all that was said back; give the place it was about, None if none."""
         if not self._before:
             return None
-        name, self._said = self._before.pop()
+        name, self._said, self._unmoved = self._before.pop()
         self._forget()
         return name
 
     @property
     def poses(self) -> list[RoughPose]:
         """Poses that fit all marks, the likeliest first; none before the third mark."""
-        return self._poses_from(list(self.taken))
+        return self._poses_from(list(self.telling))
 
     @property
     def pose(self) -> RoughPose | None:
@@ -254,7 +275,7 @@ class Aiming:
             If that is not known yet, or the mirrors do not reach it.
         """
         self._require(name)
-        others = [other for other in self.taken if other != name]
+        others = [other for other in self.telling if other != name]
         poses = self._poses_from(others)
         if not poses:
             raise UserError(
@@ -318,26 +339,30 @@ class Aiming:
     @property
     def refuted(self) -> list[str]:
         """Marks that the rough pose refutes: one, or all of a few that contradict one another."""
-        doubt, count = self._doubt(), len(self.taken)
+        doubt, count = self._doubt(), len(self.telling)
         own = self._own_disagreement() if doubt is not None else ""
         if doubt is None or count > SURE or (count == SURE and not own):
             return []
         if doubt.wrong:
             return [doubt.wrong]
-        return list(self.taken) if own and count < SURE else []
+        return list(self.telling) if own and count < SURE else []
 
     def trouble(self) -> str:
         """Say in one sentence why no pose of these marks can be believed; empty if one can."""
-        count = len(self.taken)
+        count = len(self.telling)
         if count < FEWEST:
             given = f"{count or 'no'} mark{'' if count == 1 else 's'}"
-            told = f"{given} of this view {'is' if count == 1 else 'are'} taken, and a pose needs "
+            by_hand = " by moving the beam onto what is seen" * bool(self.unmoved)
+            told = (
+                f"{given} of this view {'is' if count == 1 else 'are'} taken{by_hand}, and a pose "
+                "needs "
+            )
             return self.contradiction() or f"{told}three that are not in a line"
         return self.contradiction() or ("" if self.poses else self.weakness())
 
     def weakness(self) -> str:
         """Say in one sentence why the pose is weak; empty if it is not, or is not known yet."""
-        names = list(self.taken)
+        names = list(self.telling)
         if len(names) < FEWEST:
             return ""
         position = np.array([self.places[name].position for name in names])
@@ -367,15 +392,16 @@ class Aiming:
             f"{'beside that plane or ' if flat else ''}farther apart"
         )
 
-    def _say(self, name: str, steps: Steps | None) -> None:
+    def _say(self, name: str, steps: Steps | None, unmoved: bool = False) -> None:
         self._require(name)
         # A place that is taken again is the last one.
         said = {k: v for k, v in self._said.items() if k != name}
-        self._change(name, {**said, name: steps})
+        self._change(name, {**said, name: steps}, unmoved)
 
-    def _change(self, name: str, said: dict[str, Steps | None]) -> None:
-        self._before.append((name, self._said))
+    def _change(self, name: str, said: dict[str, Steps | None], unmoved: bool = False) -> None:
+        self._before.append((name, self._said, self._unmoved))
         self._said = said
+        self._unmoved = self._unmoved | {name} if unmoved else self._unmoved - {name}
         self._forget()
 
     def _forget(self) -> None:
@@ -447,7 +473,7 @@ class Aiming:
 
     def _doubt(self) -> RoughDoubt | None:
         """Compare the marks with the rough pose; None if they fit it, or there is none."""
-        taken = self.taken
+        taken = self.telling
         if self.rough is None or not taken:
             return None
         places = [self.places[name] for name in taken]
@@ -461,14 +487,14 @@ class Aiming:
     def _disagreement(self) -> str:
         """Say which marks no pose explains, and what to do; the rough pose tells of few."""
         own, doubt = self._own_disagreement(), self._doubt()
-        few = len(self.taken) < SURE
-        if doubt is not None and doubt.wrong and (few or (own and len(self.taken) == SURE)):
+        few = len(self.telling) < SURE
+        if doubt is not None and doubt.wrong and (few or (own and len(self.telling) == SURE)):
             return doubt.told
         return own or (doubt.told if doubt is not None and few else "")
 
     def _own_disagreement(self) -> str:
         """Say which marks contradict one another, whatever the rough pose."""
-        names = list(self.taken)
+        names = list(self.telling)
         if len(names) < FEWEST or not self.poses:
             return ""
         found = contradiction_of(self._matched(names))

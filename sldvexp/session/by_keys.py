@@ -10,6 +10,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping
 from functools import cached_property
+from typing import NoReturn
 
 import numpy as np
 
@@ -48,6 +49,9 @@ REVIEW = "Enter goes on, u takes the last one back, r an earlier one"
 #: The same of marks of which no pose can be believed.
 REFUTED = "r takes a mark again by its number, u the last one; Enter twice goes on all the same"
 
+#: What a mark tells that was taken where it was predicted, without a move of the beam.
+TELLS_NOTHING = "it tells nothing until you have moved to what you see"
+
 #: Part of the mirrors' range beyond which an error leaves open where a mark is.
 VAGUE = 0.1
 
@@ -72,6 +76,7 @@ class AtKeyboard:
     def __init__(self, at: ViewContext, guide: AimingGuide, keyboard: Keyboard) -> None:
         self.at, self.guide, self.keyboard = at, guide, keyboard
         self.step, self.level = 10, LightLevel()
+        self.moved = False
         self._reported: dict[str, Steps] = {}
         self._beyond: set[str] = set()  # marks that were told to be out of the mirrors' reach
         keyboard.say(HELP)
@@ -85,7 +90,10 @@ class AtKeyboard:
     def aim(self, mark: Mark, start: Steps) -> Steps | None:
         """See `Person`."""
         self._report()
-        return _Aim(self, mark, start).result()
+        aim = _Aim(self, mark, start)
+        steps = aim.result()
+        self.moved = aim.moved
+        return steps
 
     def digitise(self, spot: int, samples: int) -> list[Place]:
         """See `Person`; nobody who points at marks is asked for it."""
@@ -95,6 +103,14 @@ class AtKeyboard:
         """See `Reviewer`; marks that cannot be right are not let pass by one key."""
         for name in self.guide.taken:
             self.keyboard.say(f"{name}: {self.in_words(name)}")
+        if still := self.guide.unmoved:
+            self.keyboard.say(
+                f"{len(still)} of {len(self.guide.taken)} marks "
+                f"{'were taken where they were' if len(still) > 1 else 'was taken where it was'} "
+                f"predicted and {'are' if len(still) > 1 else 'is'} left out of the pose: "
+                f"{', '.join(still)}. r takes one again; if the spot is right on it, move off and "
+                "back"
+            )
         trouble = self.guide.trouble()
         if told := trouble or self._doubts():
             self.keyboard.say(told)
@@ -114,6 +130,8 @@ class AtKeyboard:
         """Say where a mark was taken, and how that agrees with the others."""
         beam, found = self.guide.taken[name], self.guide.residual(name)
         taken = f"taken at {beam[0]} {beam[1]}"
+        if name in self.guide.unmoved:
+            return f"{taken}, where it was predicted: {TELLS_NOTHING}"
         if found is None:
             return taken
         (up_down, left_right), (first, second) = found.steps, found.std
@@ -132,26 +150,30 @@ class AtKeyboard:
         """
         said = self.guide.said
         if key.name == "u" and said:
-            self.keyboard.status("")  # what it asks is answered
-            raise TakenBackError(int(said[-1].rpartition(" ")[2]))
+            self._open_again(said[-1])
         if key.name == "u":
             self.keyboard.say("nothing is taken yet")
         if key.name == "r" and (line := typed(self.keyboard, "again: mark ", "")) is not None:
-            if f"mark {line.strip()}" in said:
-                self.keyboard.status("")
-                raise TakenBackError(int(line))
+            if (name := f"mark {line.strip()}") in said:
+                self._open_again(name)
             self.keyboard.say(
                 f"{line!r} is not a mark that was taken or left out: {', '.join(said)}"
             )
+
+    def _open_again(self, name: str) -> NoReturn:
+        """Take a mark back, and say which."""
+        self.keyboard.status("")  # what it asks is answered
+        self.keyboard.say(f"{name} taken back: aim at it again")
+        raise TakenBackError(int(name.rpartition(" ")[2]))
 
     def _report(self) -> None:
         """Say what follows from the marks, once for each state of them."""
         taken = dict(self.guide.taken)
         if taken != self._reported:
-            self._reported = taken
-            if taken:
-                name = list(taken)[-1]
-                self.keyboard.say(f"{name}: {self.in_words(name)}")
+            before, self._reported = self._reported, taken
+            for name in list(taken)[-1:]:
+                if before.get(name) != taken[name]:  # else one behind it was taken back
+                    self.keyboard.say(f"{name}: {self.in_words(name)}")
             if told := self._doubts():
                 self.keyboard.say(told)
             for name, told in self.guide.out_of_reach().items():
@@ -176,7 +198,9 @@ class _Aim:
         if self.vague:
             self.expected = None
         self.goals = list(_goals(self.expected))
-        self.goal, self.looked = 0, False
+        #: Place that g goes to next; that it went to last, None before the first.
+        self.goal, self.at_goal = 0, None
+        self.looked, self.moved = False, False
 
     def result(self) -> Steps | None:
         """Follow the keys until the mark is taken, or left out."""
@@ -202,14 +226,14 @@ class _Aim:
             up_down, left_right = (
                 (self.beam + step * self.person.ways[key.name]).astype(int).tolist()
             )
-            self._go((up_down, left_right))
+            self._go_by_hand((up_down, left_right))
         elif key.name in STEP_KEYS:
             self.person.step = STEP_KEYS[key.name]
         elif key.name in ("+", "-", "="):
             line = typed(self.keyboard, "move: ", key.name)
             wanted = None if line is None else moved(self.beam, line.strip())
             if wanted is not None:
-                self._go(wanted)
+                self._go_by_hand(wanted)
             elif line is not None:
                 self.keyboard.say(f"{line!r} is neither steps like +5 -3 nor a place like =120 -40")
         elif key.name == "g":
@@ -219,13 +243,18 @@ class _Aim:
         else:
             self.person.take_back(key)
 
-    def _go(self, wanted: Steps) -> None:
-        """Move the beam, unless the board has no such place."""
+    def _go_by_hand(self, wanted: Steps) -> None:
+        """Move the beam where somebody wants it, whatever is predicted."""
+        self.moved |= self._go(wanted)
+
+    def _go(self, wanted: Steps) -> bool:
+        """Move the beam, unless the board has no such place; say whether it has."""
         if problem := beyond_board(wanted, self.person.at.laser):
             self.keyboard.say(problem)
-            return
+            return False
         self.beam = wanted
         self.instrument.move(wanted)
+        return True
 
     def _go_on(self) -> None:
         """Go where the mark is expected, or may be instead."""
@@ -238,7 +267,9 @@ class _Aim:
                     f"{self.name} is expected where the beam stands, and the marks taken give no "
                     "other place that the mirrors reach: move the beam onto it if it is beside"
                 )
-            self._go(self.goals[self.goal % len(self.goals)])
+            at = self.goal % len(self.goals)
+            if self._go(self.goals[at]):
+                self.at_goal, self.moved = at, False
             self.goal += 1
             return
         try:
@@ -298,9 +329,11 @@ class _Aim:
     def _show(self) -> None:
         """Draw the line that lives; what a narrow terminal has no room for is left out."""
         parts = [self.name, f"beam {self.beam[0]} {self.beam[1]}"]
-        if self.expected is not None:
-            off = np.rint(self.expected.dac - self.beam).astype(int)
-            parts.append(f"to go {off[0]:+d} {off[1]:+d}")
+        if self.goals:
+            at = self.at_goal or 0
+            off = np.subtract(self.goals[at], self.beam)
+            which = f" to place {at + 1} of {len(self.goals)}" if len(self.goals) > 1 else ""
+            parts.append(f"to go {off[0]:+d} {off[1]:+d}{which}")
         step = f"step {self.person.step}"
         if self.keyboard.is_waiting:  # whoever holds a key down shall not wait for the light
             parts.append(step)

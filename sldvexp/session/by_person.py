@@ -6,9 +6,10 @@ The person at the terminal: told where to point, asked what the digitizer shows.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -19,15 +20,18 @@ from sldvexp.instrument import Instrument
 from sldvexp.instrument.person import (
     AimingGuide,
     Attended,
+    HandOnBeam,
     Mark,
     Person,
     Place,
     Reviewer,
     Steps,
     TakenBackError,
+    answer_of,
     mark_label,
     mark_name,
     spot_name,
+    steps_of,
 )
 from sldvexp.io.registration import RegistrationTable, from_dataset, to_dataset
 from sldvexp.laser import TwoMirror, corrected_pose, dac_of_points
@@ -43,6 +47,8 @@ from sldvexp.units import LengthUnit
 
 GROUP = "registration"
 HOME: Steps = (0, 0)
+#: Marks that test one another: a pose of three has no residuals.
+TESTED = 4
 
 
 def record_marks(scan: ByHand, at: ViewContext) -> dict[str, xr.Dataset]:
@@ -62,9 +68,19 @@ def record_marks(scan: ByHand, at: ViewContext) -> dict[str, xr.Dataset]:
         Finding("aimed_anew", f"view {v}", f"in view {v}, {told}", Severity.note, views=(v,))
         for told in changes
     )
-    found = [(mark, steps[number]) for number, mark in marks.items() if steps[number] is not None]
-    if not found:
+    seen = {number: mark for number, mark in marks.items() if steps[number] is not None}
+    if not seen:
         raise UserError(f"scan: none of the marks can be seen from the view {at.view}")
+    found = [
+        (mark, steps[number]) for number, mark in seen.items() if number not in answers.unmoved
+    ]
+    if not found:
+        raise UserError(
+            f"scan: every mark of the view {v} was taken where it was predicted, so that nothing "
+            "was measured: move the beam onto what is seen, and take each there"
+        )
+    if answers.unmoved:
+        at.findings.append(_unmoved(v, list(answers.unmoved), len(found)))
     numbers = np.array([mark.number for mark, _ in found])
     position = np.array([mark.position for mark, _ in found])
     std = np.array([mark.std for mark, _ in found])
@@ -72,6 +88,31 @@ def record_marks(scan: ByHand, at: ViewContext) -> dict[str, xr.Dataset]:
     for group in made.values():
         group.attrs |= {"summary": "\n".join(changes)} if changes else {}
     return made
+
+
+def _unmoved(view: str, numbers: Sequence[int], rest: int) -> Finding:
+    """Name the marks of a view that were taken where they were predicted.
+
+    Their steps are those of the other marks' pose, which they would confirm whatever it is, and
+    are no measurement of their own: the pose rests on the others.
+    """
+    several = len(numbers) > 1
+    listed = " and ".join(", ".join(map(str, numbers)).rsplit(", ", 1))
+    told = (
+        f"view {view}: mark{'s' * several} {listed} "
+        f"{'were taken where they were' if several else 'was taken where it was'} predicted, "
+        f"without a move of the beam, and {'tell' if several else 'tells'} nothing: the pose rests "
+        f"on the other {rest}"
+    )
+    untested = rest < TESTED
+    return Finding(
+        "unmoved_marks",
+        f"view {view}",
+        f"{told}, which nothing tests" if untested else told,
+        Severity.doubtful if untested else Severity.note,
+        remedy="aim at these marks again, and move the beam onto what you see",
+        views=(view,),
+    )
 
 
 class _Answers:
@@ -88,7 +129,10 @@ class _Answers:
         self._person: Person | None = None
         self._opened = ExitStack()
         self._beam = HOME
-        self._again: dict[int, Steps] = {}  # where marks were found that are open again
+        self.unmoved: set[int] = set()  # marks that were taken where they were predicted
+        self._again: dict[
+            int, tuple[Steps, bool]
+        ] = {}  # where marks were found that are open again
         self._kept: dict[int, Steps | None] = {}  # answers of the journal, as they were at first
 
     def all(self) -> dict[int, Steps | None]:
@@ -98,7 +142,7 @@ class _Answers:
                 try:
                     for number in self._marks:
                         if number not in self._steps:
-                            self._note(number, self._answer(self._marks[number]))
+                            self._note(number, *self._answer(self._marks[number]))
                     self._review()
                     return self._steps
                 except TakenBackError as back:
@@ -131,29 +175,42 @@ class _Answers:
         keyboard = self._opened.enter_context(at.operator.keyboard())
         return somebody if keyboard is None else AtKeyboard(at, guide, keyboard)
 
-    def _answer(self, mark: Mark) -> Steps | None:
-        """Look an answer up, or let a person aim, at other steps than those of other marks."""
+    def _answer(self, mark: Mark) -> tuple[Steps | None, bool]:
+        """Look an answer up, or let a person aim, at other steps than those of other marks.
+
+        Returns
+        -------
+        steps : (up_down, left_right), or None
+        unmoved : bool
+            Whether nobody has moved the beam from where the mark was predicted.
+        """
         asked = False
 
-        def aim() -> Steps | None:
+        def aim() -> list[Any] | None:
             nonlocal asked
             asked = True
             self._person = self._person or self._who_aims()
-            return self._person.aim(mark, self._start(mark))
+            start, predicted = self._start(mark)
+            steps = self._person.aim(mark, start)
+            # Where only a key brought the beam that goes to a prediction, it has left the start.
+            still = isinstance(self._person, HandOnBeam) and not self._person.moved
+            return answer_of(steps, still and (predicted or steps != start))
 
         journal = self._at.camera.journal
         kept = journal.answer(mark_name(mark.number), mark.position.tolist(), aim)
-        steps = None if kept is None else (kept[0], kept[1])
+        steps, unmoved = steps_of(kept)
         if not asked:
             self._kept.setdefault(mark.number, steps)
-        return steps
+        return steps, unmoved
 
-    def _note(self, number: int, steps: Steps | None) -> None:
+    def _note(self, number: int, steps: Steps | None, unmoved: bool) -> None:
         self._steps[number] = steps
+        if unmoved:
+            self.unmoved.add(number)
         if steps is not None:
             self._beam = steps
         if self._guide is not None and steps is not None:
-            self._guide.take(mark_label(number), steps)
+            self._guide.take(mark_label(number), steps, unmoved)
         elif self._guide is not None:
             self._guide.hide(mark_label(number))
 
@@ -161,21 +218,28 @@ class _Answers:
         """Open a mark again; the beam begins where it was found."""
         self._at.camera.journal.take_back(mark_name(number))
         if (found := self._steps.pop(number, None)) is not None:
-            self._again[number] = found
+            self._again[number] = found, number in self.unmoved
+        self.unmoved.discard(number)
         if self._guide is not None:
             self._guide.repeat(mark_label(number))
 
-    def _start(self, mark: Mark) -> Steps:
+    def _start(self, mark: Mark) -> tuple[Steps, bool]:
         """Say where the beam begins: where a mark was, is predicted, or where the beam is.
 
         The rough pose, corrected by the marks that are found, predicts it.
+
+        Returns
+        -------
+        start : (up_down, left_right)
+        predicted : bool
+            Whether that is a prediction, which nobody has moved the beam to.
         """
         if mark.number in self._again:
             return self._again.pop(mark.number)
         if self._rough is None:
-            return self._beam
+            return self._beam, False
         laser, pose = self._at.laser, (self._rough.rotation, self._rough.place)
-        taken = self._taken()
+        taken = {s: number for s, number in self._taken().items() if number not in self.unmoved}
         try:
             if taken:
                 at = [self._marks[number].position for number in taken.values()]
@@ -183,9 +247,9 @@ class _Answers:
                 pose = corrected_pose(at, list(taken), *pose, laser, names)
             steps = dac_of_points(mark.position[None], *pose, laser, [mark_label(mark.number)])[0]
         except UserError:  # out of the mirrors' reach, as a mark that is hidden may be
-            return self._beam
+            return self._beam, False
         up_down, left_right = np.rint(steps).astype(int).tolist()
-        return up_down, left_right
+        return (up_down, left_right), True
 
     def _taken(self) -> dict[Steps, int]:
         """Give the marks by the steps at which they were found."""
@@ -233,7 +297,14 @@ def known_marks(scan: ByHand, target: Target | None) -> list[Mark]:
     """
     source = scan.own_marks() or target
     # Nobody sees where the bitangents of circles touch.
-    if source is None or isinstance(source, Circles):
+    if isinstance(source, Circles):
+        raise UserError(
+            "scan=by_hand needs marks to point at, and the target is circles, which a scan finds: "
+            "choose scan=session with a rough pose of each view (scan.poses), or aim at them with "
+            "sldvexp console, over SSH too; for marks choose target=fiducials, or give "
+            "scan.fiducials; see sldvexp handbook aiming"
+        )
+    if source is None:
         raise UserError(
             "scan=by_hand needs marks to point at: choose target=fiducials, or give scan.fiducials"
         )
@@ -332,10 +403,11 @@ class AtTerminal:
         self.view = view
         self.unit = unit
         self.taken, self.guide = taken, guide
+        self.moved = False
 
     def aim(self, mark: Mark, start: Steps) -> Steps | None:
         """See `Person`; every line that is typed moves the beam, an empty one accepts."""
-        beam = start
+        beam, self.moved = start, False
         self.instrument.move(beam)
         request = (
             f"View {self.view}, mark {mark.number} at {in_mm(mark)}{self._where(mark)}. Type DAC "
@@ -361,7 +433,7 @@ class AtTerminal:
             elif problem := beyond_board(wanted, self.laser):
                 request = f"{problem}\n"
             else:
-                beam = wanted
+                beam, self.moved = wanted, True
                 self.instrument.move(beam)
 
     def _where(self, mark: Mark) -> str:

@@ -61,6 +61,24 @@ def views(seed, count, **how):
     return [View(rng, **how) for _ in range(count)]
 
 
+def test_a_mark_that_repeats_its_prediction_changes_nothing_but_what_is_open():
+    (view,) = views(7, 1)
+    aiming = view.aiming([0, 1, 2, 4], view.seen())
+    before = aiming.poses[0], aiming.residual("mark 1").std, aiming.predict("mark 6").dac
+    predicted = aiming.predict("mark 4").steps
+    aiming.take("mark 4", predicted, unmoved=True)
+    assert (aiming.unmoved, "mark 4" in aiming.open) == (["mark 4"], False)
+    assert aiming.poses[0].cost == before[0].cost
+    np.testing.assert_array_equal(aiming.poses[0].covariance, before[0].covariance)
+    np.testing.assert_array_equal(aiming.residual("mark 1").std, before[1])
+    np.testing.assert_array_equal(aiming.predict("mark 6").dac, before[2])
+    aiming.take("mark 4", predicted)  # by hand
+    assert aiming.unmoved == []
+    assert (aiming.residual("mark 1").std < before[1]).all()
+    assert (aiming.undo(), aiming.unmoved) == ("mark 4", ["mark 4"])
+    assert (aiming.undo(), aiming.unmoved) == ("mark 4", [])
+
+
 def require_unit_variance(z):
     """Deviations over their standard deviations, one a trial, have a mean square of one."""
     z = np.asarray(z)

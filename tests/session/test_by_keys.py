@@ -146,7 +146,8 @@ def test_arrows_move_the_spot_as_it_is_seen_whatever_the_wiring(session):
 def test_a_whole_view_by_keys(session):
     """After three marks the rest is expected where it is; residuals and the review tell of all."""
     first = [session.at(k) for k in (1, 2, 3)]
-    keys = session.press(*first, "g", session.at(4), "g enter", "g enter", "enter")
+    off_and_on = "g 1 up down enter"
+    keys = session.press(*first, "g", session.at(4), off_and_on, off_and_on, "enter")
     assert session.group["point"].values.tolist() == [1, 2, 3, 4, 5, 6]
     dac = session.group["dac"].isel(view=0).values
     np.testing.assert_allclose(dac, session.true, atol=2)
@@ -169,7 +170,50 @@ def test_one_place_of_several_is_not_taken_unseen(session):
     assert any("is but one of" in line for line in keys.lines)
     assert session.kept()[4] is None
     keys = session.press("u g enter enter")
-    np.testing.assert_allclose(session.kept()[4], session.true[3], atol=3)
+    np.testing.assert_allclose(session.kept()[4][:2], session.true[3], atol=3)
+
+
+def test_marks_taken_where_they_were_predicted_tell_nothing(session):
+    """Taken by g and Enter alone they would confirm any pose: told, counted, left out of it."""
+    first = [session.at(k) for k in (1, 2, 3)]
+    keys = session.press(*first, session.at(4, (5, -3)), "g enter", "g enter")  # then the review
+    for mark in (5, 6):
+        for told in keys.told(f"mark {mark}: taken at"):
+            assert told.endswith("where it was predicted: it tells nothing until you have moved to "
+                             "what you see")  # fmt: skip
+    assert any(line.startswith("2 of 6 marks were taken where they were") for line in keys.lines)
+    by_four = [line.partition("(+-")[2] for line in keys.told("mark 4: taken at")]
+    assert len(set(by_four)) == 1  # the bounds are as they were before the two
+    session.press()  # the journal has kept how they were taken
+    assert session.group["point"].values.tolist() == [1, 2, 3, 4]
+    (finding,) = dataset.take_findings({"registration": session.group})
+    assert finding.kind == "unmoved_marks"
+    assert finding.severity is dataset.Severity.note
+    assert finding.text.startswith("view a: marks 5 and 6 were taken where they were predicted")
+    assert finding.text.endswith("the pose rests on the other 4")
+
+
+def test_who_moves_off_a_predicted_place_and_back_has_seen_the_mark(session):
+    first = [session.at(k) for k in (1, 2, 3, 4)]
+    keys = session.press(*first, "g 1 up down enter", session.at(6, (9, 9)), "u g enter")
+    assert "where it was predicted" not in keys.told("mark 5: taken at")[0]
+    assert read_answer(session.folder / "a" / "mark_5.json")["answer"][2:] == []
+    assert read_answer(session.folder / "a" / "mark_6.json")["answer"][2:] == ["unmoved"]
+
+
+def test_a_mark_that_is_taken_back_is_named_and_no_other(session):
+    keys = session.press(*map(session.at, (1, 2, 3, 4)), "u")
+    back = keys.lines.index("mark 4 taken back: aim at it again")
+    assert not [line for line in keys.lines[back:] if line.startswith("mark 3: taken at")]
+
+
+def test_g_says_which_of_several_places_it_goes_to(session):
+    keys = session.press(*map(session.at, (1, 2, 3)), "g", "idle", "g", "idle")
+    there = [line for line in keys.shown if "to go +0 +0" in line]
+    assert {line.partition("to place ")[2].partition("  ")[0] for line in there} == {
+        "1 of 3",
+        "2 of 3",
+    }
 
 
 def test_a_wrong_mark_is_told_when_it_is_taken_and_taken_again(session):

@@ -243,7 +243,7 @@ def test_nothing_to_point_at(composed, tmp_path, scan, told):
     experiment = composed("target=fiducials", "scan=by_hand", scan)
     if "hidden" not in scan:
         circles = composed("target=dissertation").target
-        with pytest.raises(UserError, match=told):
+        with pytest.raises(UserError, match=f"{told}, and the target is circles.*sldvexp console"):
             scan_views(replace(experiment, target=circles), tmp_path / "circles")
         experiment = replace(experiment, target=None)
     with pytest.raises(UserError, match=told):
