@@ -174,6 +174,7 @@ CHANGED = (
 )
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize(("before", "then"), CHANGED, ids=str)
 def test_other_numbers_need_no_program(cache, said, before, then):
     said("--cfg", "job", *before)

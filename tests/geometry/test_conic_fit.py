@@ -130,6 +130,7 @@ def test_algebraic_fit_of_a_slender_ellipse_is_worse() -> None:
     assert spread[0][0] > 1.1 * spread[1][0]
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("method", METHODS)
 def test_stated_covariance_is_that_of_repeats(method: str) -> None:
     found = trials("slender", method)

@@ -97,6 +97,7 @@ def test_effect_of_a_pose_is_that_of_a_pose_that_is_off(measured):
     np.testing.assert_allclose(here.by_pose @ step, change, atol=1e-5)
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("sessions", [3, pytest.param(6, marks=pytest.mark.whole)])
 def test_right_model_leaves_noise_also_with_poses_that_are_off(measured, sessions):
     found = [join_shapes(examined(measured, closed_form(), s, POSE_STD)) for s in range(sessions)]

@@ -18,6 +18,7 @@ SMALL = [
 ]
 
 
+@pytest.mark.whole
 def test_right_model_is_accepted(sldvexp):
     done = sldvexp("experiment=plate_model", "report=none", *SMALL)
     assert done.status == 0, done.err

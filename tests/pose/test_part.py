@@ -98,6 +98,7 @@ def stepped(tmp_path):
     return obj(tmp_path / "stepped.obj", STEPPED)
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("pointing", [0.0, 0.06])
 @pytest.mark.parametrize(
     "trials",

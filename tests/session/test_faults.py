@@ -345,6 +345,7 @@ def over(server):
     return (*SOCKET, f"instrument.resource={server.resource}", "~scene")
 
 
+@pytest.mark.whole
 def test_a_server_that_dies_and_comes_back_is_connected_again(sldvexp, monkeypatch):
     """It comes back after it was once called in vain."""
     lab, pauses = laboratory(), []

@@ -76,6 +76,7 @@ def test_where_no_light_comes_back_the_light_tells_the_outline(outlined, tmp_pat
     assert np.abs(error[3:]).max() < 1.5e-3
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize(
     ("overrides", "told"),
     [
