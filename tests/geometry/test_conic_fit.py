@@ -18,7 +18,7 @@ ELLIPSE = np.array([-900.0, 1100.0, 65.0**2, 58.0**2, 300.0])
 #: 2.5 times as long as wide: an oblique view.
 SLENDER = np.array([2500.0, 300.0, 90.0**2, 36.0**2, 0.0])
 STD = 0.3
-SHAPES = {"round": ELLIPSE, "slender": SLENDER}
+SHAPES = {"slender": SLENDER, "round": ELLIPSE}
 #: Repeats of a statistical test; its bounds are 4.5 standard errors, of a standard deviation
 #: 1 / sqrt(2 n) and of a mean 1 / sqrt(n).
 COUNT = 200

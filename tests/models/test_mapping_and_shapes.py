@@ -41,7 +41,7 @@ def examined(measured, model, seed, pose_std=None):
     return [examine_shape(stacked, k, k) for k in range(model.modes)]
 
 
-@pytest.mark.one_in(3)
+@pytest.mark.one_in(6)
 @pytest.mark.parametrize("rotations", [True, False])
 @pytest.mark.parametrize("triangles", [True, False])
 def test_pixels_see_the_closed_form_with_an_error_of_fourth_order(measured, rotations, triangles):
@@ -146,6 +146,7 @@ def test_poses_that_are_off_together_are_known_by_their_joint_covariance(measure
         assert (found.p_value > 1e-3) == right
 
 
+@pytest.mark.whole
 def test_mixing_that_uncertain_poles_make_is_known_and_no_fault_of_the_model(measured):
     tree, share = measured.tree(4), 0.01
     for name, image in list(tree.items()):

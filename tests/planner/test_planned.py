@@ -79,7 +79,7 @@ def test_the_same_seed_gives_the_same_stands_and_another_one_others():
     assert one.asked == pytest.approx(other.asked, rel=0.02)
 
 
-@pytest.mark.one_in(2)
+@pytest.mark.whole
 @pytest.mark.parametrize("thickness", [0.0002, 0.036])
 def test_a_planned_view_images_what_it_sees_of_the_volume_and_little_beside(thickness):
     e = experiment("experiment=plate", *SMALL, "plan.stands=3", f"volume.thickness={thickness}")

@@ -145,7 +145,7 @@ def five_digits(centre):
     return edge
 
 
-@pytest.mark.one_in(2)
+@pytest.mark.one_in(4)
 @pytest.mark.parametrize("width", [COLUMN, PAGE])
 @pytest.mark.parametrize("name", ["edges", "conics"])
 def test_numbers_of_five_digits_do_not_run_together(name, width):

@@ -216,6 +216,7 @@ def test_what_averages_cannot_be_made_of_is_told(composed, tmp_path, change, tol
         scanned(composed, tmp_path, change)
 
 
+@pytest.mark.whole
 def test_noise_in_short_records_is_warned_of(composed, tmp_path):
     """Lines and the record length that would do; what repeats needs no warning."""
     _, findings = scanned(composed, tmp_path, "scan.sampling.excitation=random")

@@ -143,7 +143,7 @@ def power_of(on: Bench, size: float, numbers: int) -> float:
     return float(np.mean(found))
 
 
-@pytest.mark.one_in(4)
+@pytest.mark.one_in(8)
 @pytest.mark.parametrize(
     ("std", "size", "pixels", "lines", "powers"),
     [
