@@ -87,7 +87,9 @@ hypothesis.settings.register_profile("any machine", deadline=None, max_examples=
 hypothesis.settings.load_profile("any machine")
 
 #: Rooms with the longest tests, which begin first: at the end a worker waits for little.
-LONGEST_FIRST = ("console", "handbook", "report", "session", "modes", "planner", "sweep")
+LONGEST_FIRST = (
+    *("experiments", "console", "handbook", "report", "session", "modes", "planner", "sweep"),
+)
 
 #: What makes the pages of runs and sweeps.
 PAGES = {name: getattr(Html, name) for name in ("of_run", "of_sweep")}

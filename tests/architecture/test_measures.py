@@ -108,6 +108,7 @@ def test_beginnings_of_docstrings_are_counted(house):
     assert not measures.begins_empty("Theory of plates.")
 
 
+@pytest.mark.whole
 def test_files_behind_a_sentence_about_a_misspelt_key_are_counted():
     found = measures.loaded_for_a_mistake()
     assert "sldvexp.cli.main" in found

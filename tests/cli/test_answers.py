@@ -61,6 +61,7 @@ def said(monkeypatch, capsys):
     return say
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("arguments", KEPT, ids=" ".join)
 def test_the_same_words_are_said_again(cache, said, arguments):
     first, again = said(*arguments), said(*arguments)
@@ -174,6 +175,7 @@ CHANGED = (
 )
 
 
+@pytest.mark.one_in(5)
 @pytest.mark.parametrize(("before", "then"), CHANGED, ids=str)
 def test_other_numbers_need_no_program(cache, said, before, then):
     said("--cfg", "job", *before)
@@ -195,6 +197,7 @@ OF_THE_PROGRAM = (
 )
 
 
+@pytest.mark.one_in(8)
 @pytest.mark.parametrize(("before", "then"), OF_THE_PROGRAM, ids=str)
 def test_numbers_that_may_mean_more_are_asked_of_the_program(cache, said, before, then):
     said("--cfg", "job", *before)

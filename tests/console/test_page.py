@@ -228,6 +228,7 @@ def test_the_beam_is_brought_into_view(page):
     take_all_back(page)
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize(("size", "dark"), [(DESKTOP, False), (PHONE, False), (DESKTOP, True)])
 def test_every_tab_is_open_to_everybody_and_no_wider_than_the_window(served, size, dark):
     axe = pytest.importorskip("axe_core_python.base", reason="needs axe-core-python")
@@ -369,6 +370,7 @@ return {
 """
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("size", [DESKTOP, PHONE], ids=["desktop", "phone"])
 def test_names_stand_beside_circles_and_corners_and_cover_none(served, size):
     lab, page = bench_lab(), Page(served.address, size)

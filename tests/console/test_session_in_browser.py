@@ -51,6 +51,7 @@ def configured(tmp_path_factory, monkeypatch):
     return sldvexp.run("experiment=bench", *CONFIGURED, config_dir=folder, quiet=True)
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("size", [DESKTOP, PHONE], ids=["desktop", "phone"])
 def test_two_views_are_aimed_at_scanned_paused_and_finished(served, configured, size):
     lab, page = bench_lab(), Page(served.address, size)

@@ -239,6 +239,7 @@ def test_format_says_that_there_is_nothing(name, points, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("name", FORMATS)
 def test_format_leaves_the_old_file_if_it_cannot_be_replaced(name, world, tmp_path, monkeypatch):
     export = registry.get("export", name)()

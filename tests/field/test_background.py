@@ -72,6 +72,7 @@ def test_bounds_hold_beside_a_background_at_rest(seeds):
     assert np.median([largest_error(seed) for seed in seeds]) < 3.0
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("seeds", SEEDS)
 def test_cells_that_reach_into_the_background_would_spoil_the_rim(monkeypatch, seeds):
     monkeypatch.setattr(

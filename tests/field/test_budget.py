@@ -96,7 +96,7 @@ def test_harmonics_are_named_where_they_can_fall_on_another_line() -> None:
     assert not_included(two) == [*not_included(one), OF_SEVERAL_LINES]
 
 
-@pytest.mark.one_in(2)
+@pytest.mark.whole
 @pytest.mark.parametrize("interpolation", ["linear", "cubic"])
 @pytest.mark.parametrize(
     ("draws", "off"), [(50, 0.05), pytest.param(1000, 0.03, marks=pytest.mark.long)]

@@ -82,7 +82,7 @@ def test_noise_of_shared_pixels(
     assert np.abs(result.chi2_ratio.mean(axis=1) - 1).max() < 4.5 * np.sqrt(2 * 30 / degrees)
 
 
-@pytest.mark.one_in(4)
+@pytest.mark.one_in(8)
 @pytest.mark.parametrize("local", [pytest.param(False, marks=pytest.mark.long), True])
 @pytest.mark.parametrize(("name", "fields"), METHODS)
 def test_derivative_by_the_poses(
@@ -179,7 +179,7 @@ def test_large_fields(
     )
 
 
-@pytest.mark.one_in(3)
+@pytest.mark.whole
 @pytest.mark.parametrize(("name", "fields"), METHODS[:1] + METHODS[4:])
 def test_large_fields_with_a_hole(
     make_plate: Make, make_views: Make, six_points: SampleRule, laser: TwoMirror,

@@ -78,7 +78,7 @@ def test_a_field_of_the_element_space(
     assert not result.messages
 
 
-@pytest.mark.one_in(5)
+@pytest.mark.one_in(10)
 @pytest.mark.parametrize("rule", ["tensor", "list"])
 @pytest.mark.parametrize("solver", names("solver"))
 @pytest.mark.parametrize(("name", "rows", "model", "fewest"), METHODS)

@@ -135,6 +135,7 @@ def test_noise_that_is_not_as_stated(
     )
 
 
+@pytest.mark.whole
 def test_intercepts_and_errors_of_poses_are_told_apart(
     make_plate: Make, make_views: Make, six_points: SampleRule, laser: TwoMirror
 ) -> None:

@@ -53,6 +53,7 @@ def data_of(views: list[View]) -> tuple[list[np.ndarray], np.ndarray]:
     return pixel_data(views), np.repeat(noise, 2)
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("by_line", [False, True])
 def test_rest_is_told_by_all_lines(
     make_views: Callable[..., list[View]], laser: TwoMirror, by_line: bool

@@ -251,6 +251,7 @@ def hidden_by_any(at: View, p: np.ndarray, nodes: np.ndarray, triangles: np.ndar
     return hidden
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("turn", [(0.0, 1.0, 0.0), (0.4, -0.9, 0.3), (0.0, 0.0, 0.0)])
 def test_occlusion_against_every_triangle(
     turn: tuple[float, float, float], monkeypatch: pytest.MonkeyPatch

@@ -36,16 +36,11 @@ from handbook_pages import PAGES, group_of, sections
 from sldvexp import dataset
 from sldvexp.config import Origins, hydra_plugin, schema
 from sldvexp.dataset import CONVENTIONS
+from tests.plot.conftest import SMALL
 
 BLOCK = re.compile(r"^```(\w*)([^\n]*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 KINDS = {"console", "python", "yaml", "text", "sh", "csv"}
 
-#: The session that bare `sldvexp` runs, with few pixels and nodes.
-SMALL = (
-    *("volume.shape=[9, 7]", "volume.layers=3", "scan.structure.pixels=[13, 15]", "report=none"),
-    *(f"scan.{part}.sampling.samples=256" for part in ("calibration", "structure")),
-    "scan.calibration.fine.lines=16",
-)
 #: Attributes that other programs ask for, or that say nothing of the run.
 UNTOLD = ("Conventions", "title")
 #: How the first page runs it, which here is done once for all pages.
@@ -58,6 +53,7 @@ STATUS = re.compile(r"# exit status (\d)")
 SESSIONS = {
     "choosing_a_method",
     "figures",
+    "first_hour",
     "first_instrument",
     "formats",
     "other_instruments",
@@ -197,7 +193,7 @@ def check_configuration(block: Block) -> None:
 
 @pytest.fixture(scope="module")
 def bare(run_once: Callable[..., Path]) -> Path:
-    """Folder of a small run of the default session."""
+    """Folder of a small run of the default session, the one that figures are drawn of."""
     return run_once(*SMALL)
 
 

@@ -66,6 +66,7 @@ def test_every_page_is_in_one_chapter_and_one_list(sldvexp):
         assert f"\n  {name} " in out
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("name", reference.PAGES)
 def test_made_pages_are_shown(sldvexp, name):
     done = sldvexp("handbook", name)

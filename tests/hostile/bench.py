@@ -235,7 +235,6 @@ def _warm_up() -> None:
     import scipy.io
     import xarray
 
-    os.environ["MPLCONFIGDIR"] = mkdtemp()  # its folders at home are none of a call's
     import matplotlib.pyplot
     from hydra._internal.hydra import Hydra
 

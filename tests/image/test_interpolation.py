@@ -172,6 +172,7 @@ def test_rate(kind: str, method: Interpolation) -> None:
         assert (rates > 2.75).all()
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("kind", ["even", "oblique"])
 @pytest.mark.parametrize("hole", [0, 3])
 def test_the_mean_of_a_cell_beside_missing_pixels_has_no_error_of_third_order(

@@ -211,7 +211,7 @@ def test_planes_with_the_same_circles_are_told_apart_by_their_depth(
     assert match.mirrored is mirrored
 
 
-@pytest.mark.one_in(3)
+@pytest.mark.one_in(6)
 @pytest.mark.parametrize("wiring", WIRINGS)
 def test_two_equal_circles_on_each_of_two_planes_are_told_apart_by_a_straight_look(
     wiring: str, view: Make

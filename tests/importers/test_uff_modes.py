@@ -76,6 +76,7 @@ def test_two_references_of_a_universal_file_tell_two_modes_of_one_frequency(sldv
     assert np.array_equal(again["natural_frequency"], found["natural_frequency"])
 
 
+@pytest.mark.whole
 def test_one_reference_of_it_is_asked_for_and_says_what_it_cannot_tell(sldvexp, shaken):
     done = sldvexp(*shaken)
     assert done.status == 1

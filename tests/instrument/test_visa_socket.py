@@ -260,6 +260,7 @@ PLANNED = (
 )
 
 
+@pytest.mark.whole
 def test_stands_that_are_planned_are_served_in_any_scene(served, own_folder):
     (own_folder / "experiment" / "planned.yaml").write_text(PLANNED)
     chosen = ["experiment=planned", "scene=mine"]
@@ -288,6 +289,7 @@ def test_a_stand_that_only_has_the_name_of_a_planned_one_is_another(own_folder):
     )
 
 
+@pytest.mark.whole
 def test_a_scene_without_views_has_those_of_the_plan(served, own_folder):
     (own_folder / "experiment" / "planned.yaml").write_text(PLANNED)
     scene = own_folder / "scene" / "bare.yaml"

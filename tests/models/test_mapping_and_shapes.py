@@ -41,7 +41,7 @@ def examined(measured, model, seed, pose_std=None):
     return [examine_shape(stacked, k, k) for k in range(model.modes)]
 
 
-@pytest.mark.one_in(3)
+@pytest.mark.one_in(6)
 @pytest.mark.parametrize("rotations", [True, False])
 @pytest.mark.parametrize("triangles", [True, False])
 def test_pixels_see_the_closed_form_with_an_error_of_fourth_order(measured, rotations, triangles):
@@ -97,6 +97,7 @@ def test_effect_of_a_pose_is_that_of_a_pose_that_is_off(measured):
     np.testing.assert_allclose(here.by_pose @ step, change, atol=1e-5)
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("sessions", [3, pytest.param(6, marks=pytest.mark.whole)])
 def test_right_model_leaves_noise_also_with_poses_that_are_off(measured, sessions):
     found = [join_shapes(examined(measured, closed_form(), s, POSE_STD)) for s in range(sessions)]
@@ -145,6 +146,7 @@ def test_poses_that_are_off_together_are_known_by_their_joint_covariance(measure
         assert (found.p_value > 1e-3) == right
 
 
+@pytest.mark.whole
 def test_mixing_that_uncertain_poles_make_is_known_and_no_fault_of_the_model(measured):
     tree, share = measured.tree(4), 0.01
     for name, image in list(tree.items()):

@@ -167,6 +167,7 @@ def with_volume(tree, size=(0.26, 0.21), shape=(7, 6), center=CENTER):
     return tree | {"volume": volume.group()}
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize(
     ("wrong", "said"),
     [
@@ -189,6 +190,7 @@ def test_model_in_other_units_or_axes_is_refused(tmp_path, tree, wrong, said):
         examine_model(tree, LASER, source(path, **wrong))
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize(
     ("size", "shape", "center"),
     [
@@ -282,6 +284,7 @@ def test_half_of_the_pixels_at_rest_beside_the_model_are_left_out_and_counted(
     assert {f.severity for f in told} == {Severity.note}
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize(
     ("wrong", "said"),
     [

@@ -43,6 +43,7 @@ def test_error_of_its_frequencies_is_that_of_a_mesh_half_as_fine():
     np.testing.assert_allclose(told, error, rtol=0.05)
 
 
+@pytest.mark.whole
 def test_sensitivities_are_those_of_a_thin_plate():
     source = plate(modes=5, elements=[8, 8])
     found = source.sensitivities(source.model())

@@ -90,7 +90,7 @@ def test_few_right_models_are_accepted_and_thicker_ones_rejected_by_frequency():
     assert thick >= stats.binom.ppf(1e-3, FEW, 0.95)
 
 
-@pytest.mark.one_in(2)
+@pytest.mark.whole
 @pytest.mark.parametrize("wrong", ["mass", "edge"])
 def test_few_wrong_models_are_rejected_by_their_shapes(wrong):
     measured = few(true_plate(MASS if wrong == "mass" else 0.0))

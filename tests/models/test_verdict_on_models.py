@@ -81,6 +81,7 @@ def test_right_model_is_accepted_and_says_what_it_could_not_tell(measured):
     assert "say nothing of E, rho, thickness" in told["model_limits"].text
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("sessions", [2, pytest.param(4, marks=pytest.mark.whole)])
 def test_mac_of_a_right_model_is_within_its_own_spread(measured, sessions):
     off = []

@@ -96,6 +96,7 @@ def test_a_missed_mode_makes_the_modes_doubtful():
     assert both.chi_square / both.dof < 1.2
 
 
+@pytest.mark.whole
 def test_harmonics_so_strong_that_the_structure_may_not_be_linear_are_doubtful():
     clean, _ = session(3, 0.002)
     told = kinds(identified(with_harmonics(clean, 0.02)))["harmonics"]

@@ -65,6 +65,7 @@ def test_damping_from_a_thousandth_to_a_tenth_is_found():
     assert np.abs(error).max() < 4
 
 
+@pytest.mark.whole
 def test_flagged_pixels_have_no_say_and_get_what_their_lines_give():
     clean, _ = session(4, 0.1)
     spoilt = clean.copy(deep=True)
@@ -84,6 +85,7 @@ def test_flagged_pixels_have_no_say_and_get_what_their_lines_give():
     assert np.isfinite(whole["velocity"].values[9]).all()
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("noise", [0.005, 0.5])
 def test_none_is_missed_and_none_is_false_in_noise(noise):
     for seed in range(2):

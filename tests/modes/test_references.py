@@ -91,6 +91,7 @@ def test_a_second_reference_of_the_same_motion_narrows_bounds_by_the_root_of_two
         together(first, first.assign(velocity=2j * first["velocity"]))
 
 
+@pytest.mark.whole
 def test_one_reference_alone_gives_the_modes_that_it_gives_together_with_a_silent_one():
     frequency = SQUARE[[0, 1, 2, 4]]
     (first, second), _ = two_references(4, frequency, np.array([np.ones(4), np.zeros(4)]))

@@ -64,6 +64,7 @@ def test_marks_with_numbers_need_no_stride():
     assert not any(told.startswith("stand near") for told in too_short(stands, place, marked))
 
 
+@pytest.mark.one_in(4)
 @pytest.mark.parametrize(
     ("views", "stride", "expected"),
     [

@@ -95,6 +95,7 @@ def test_limits_of_the_room_say_why(plate, origin, reason):
     assert reason in reasons(plate, *origin)
 
 
+@pytest.mark.whole
 def test_limits_that_nothing_says_are_for_stands_that_are_looked_for():
     e = experiment("experiment=plate", *SMALL)
     given = Place.from_experiment(e, new_stands=False)

@@ -204,6 +204,7 @@ def test_a_plan_is_written_whole_or_not_at_all(sldvexp):
     assert not Path("lab/experiment/monday.yaml").exists()
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("folder", ["taken/lab", "/proc/nope"])
 def test_a_folder_that_takes_no_files_is_told_before_a_plan_is_looked_for(
     folder, sldvexp, monkeypatch

@@ -79,7 +79,7 @@ def test_the_same_seed_gives_the_same_stands_and_another_one_others():
     assert one.asked == pytest.approx(other.asked, rel=0.02)
 
 
-@pytest.mark.one_in(2)
+@pytest.mark.whole
 @pytest.mark.parametrize("thickness", [0.0002, 0.036])
 def test_a_planned_view_images_what_it_sees_of_the_volume_and_little_beside(thickness):
     e = experiment("experiment=plate", *SMALL, "plan.stands=3", f"volume.thickness={thickness}")
@@ -95,6 +95,7 @@ def test_a_planned_view_images_what_it_sees_of_the_volume_and_little_beside(thic
         assert (beside.reshape(2, 2) / np.ptp(seen, axis=0)).max() < 0.03
 
 
+@pytest.mark.whole
 def test_all_planned_stands_keep_the_limits():
     found = planner.plan(experiment("experiment=plate", *SMALL, "plan.stands=4"))
     assert len(found.stands) == found.new == 4
@@ -213,6 +214,7 @@ def test_a_gage_counts_its_ends_alone_and_has_the_bound_of_its_strain():
     assert found.asked < 0.9 * np.sqrt(np.mean(everywhere.bounds[gage.nodes, x] ** 2))
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize(
     ("ends", "told"),
     [

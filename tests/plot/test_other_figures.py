@@ -78,6 +78,7 @@ def test_many_frequencies_are_a_spectrum():
     assert left[-1].get_xlabel() == "frequency, Hz"
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("value", [np.nan, 0.0])
 def test_a_spectrum_in_which_nothing_is_determined_is_drawn_too(value):
     own = groups.point(1, 40)
@@ -222,6 +223,7 @@ LASERS = {
 }
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize(("settings", "told"), LASERS.values(), ids=LASERS)
 def test_a_laser_of_another_version_is_told_of_and_pictures_are_drawn(tree, settings, told):
     config = OmegaConf.merge(OmegaConf.create(str(tree.attrs["config"])), settings)

@@ -26,7 +26,7 @@ def made(request):
     return group(request.param)
 
 
-@pytest.mark.one_in(2)
+@pytest.mark.one_in(4)
 @pytest.mark.parametrize("draw", [strain, hot_spots])
 def test_labels_are_inside_and_apart(made, draw):
     figure = draw({"strain": made})

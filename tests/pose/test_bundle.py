@@ -231,6 +231,7 @@ def test_a_wrong_sighting_is_left_out_and_named():
     assert not right.findings
 
 
+@pytest.mark.whole
 def test_points_with_each_others_angles_are_named():
     lab = Lab(5, points=6)
     tables = lab.tables(np.random.default_rng(0))
@@ -241,6 +242,7 @@ def test_points_with_each_others_angles_are_named():
     assert "point 3 of view left and point 5 of view left seem to be exchanged" in finding.text
 
 
+@pytest.mark.whole
 def test_a_wrong_distance_is_named():
     lab = Lab(5, points=8)
     p = lab.points

@@ -187,6 +187,7 @@ def test_the_noise_is_that_of_all_views(poses):
         assert s.s**2 == pytest.approx(square / s.dof, rel=1e-4)
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("method", [Edge, Bitangent])
 def test_what_is_only_assumed_stays_in_the_bounds(edge_lab, method):
     lab = edge_lab(views=2)

@@ -98,6 +98,7 @@ def stepped(tmp_path):
     return obj(tmp_path / "stepped.obj", STEPPED)
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("pointing", [0.0, 0.06])
 @pytest.mark.parametrize(
     "trials",
@@ -120,6 +121,7 @@ def test_bounds_cover_the_truth(stepped, trials, pointing):
     assert alarms <= 1 + 0.01 * trials + 4 * np.sqrt(0.01 * trials)
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize(
     "trials",
     [2, pytest.param(10, marks=pytest.mark.whole), pytest.param(200, marks=pytest.mark.long)],

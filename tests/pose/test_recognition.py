@@ -98,7 +98,7 @@ def refuse(edges, target, laser=LASER, upright=True):
     return str(refused.value)
 
 
-@pytest.mark.one_in(7)
+@pytest.mark.one_in(11)
 @pytest.mark.parametrize(
     ("target", "offset"),
     [(ONE, 0.0), (ONE, 0.045), (TWO, 0.0)],

@@ -47,7 +47,7 @@ def test_exact_data_is_recovered(name: str, weights: Weights, seed: int, views: 
         assert error < 1e-13 / result.rcond[p]
 
 
-@pytest.mark.one_in(2)
+@pytest.mark.one_in(4)
 @pytest.mark.parametrize("name", METHODS)
 @given(seed=SEEDS)
 @FEW

@@ -97,6 +97,7 @@ def test_axe_finds_what_is_wrong(browser, pages):
     assert any("image-alt" in fault for fault in browser.js(FAULTS))
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("size", SIZES)
 def test_verdict_and_shape_are_on_the_first_screen_and_nothing_is_wider(browser, pages, size):
     for name, page in pages.items():

@@ -16,7 +16,7 @@ select.dispatchEvent(new Event('input'));"""
 SHAPE = "document.getElementById(arguments[0] + '-plot').shape"
 
 
-@pytest.fixture(scope="module", params=[DESKTOP, PHONE])
+@pytest.fixture(scope="module", params=[DESKTOP, pytest.param(PHONE, marks=pytest.mark.whole)])
 def shown(request, open_at, small_volume, small_field):
     model = made_modes.model(pair=(1, 2, 3))
     groups = {"modes": made_modes.modes(), "model": model, **made_modes.pixels(3)}

@@ -222,6 +222,7 @@ def test_a_page_shows_the_setup_and_the_nodes(run_file, monkeypatch):
         assert figures.PARTS[part][name] in page.text
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("known", [True, False])
 def test_poses_that_were_given_have_no_words_of_bounds(run_file, no_figures, known):
     bound = np.full((2, 3), 1e-3 if known else np.nan)

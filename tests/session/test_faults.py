@@ -258,7 +258,7 @@ def profiles(tmp_path):
         (tmp_path / f"{name}.yaml").write_text(text.replace(old, new))
 
 
-@pytest.mark.one_in(5)
+@pytest.mark.one_in(8)
 @pytest.mark.usefixtures("profiles")
 @pytest.mark.parametrize(
     "row", [pytest.param(r, id=str(r), marks=[pytest.mark.long] * r.long) for r in TABLE]
@@ -345,6 +345,7 @@ def over(server):
     return (*SOCKET, f"instrument.resource={server.resource}", "~scene")
 
 
+@pytest.mark.whole
 def test_a_server_that_dies_and_comes_back_is_connected_again(sldvexp, monkeypatch):
     """It comes back after it was once called in vain."""
     lab, pauses = laboratory(), []

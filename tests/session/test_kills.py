@@ -236,7 +236,7 @@ def synced(instrument, whole, tmp_path_factory):
     return power.count_syncs(record)
 
 
-@pytest.mark.one_in(2)
+@pytest.mark.whole
 @pytest.mark.parametrize(
     ("part", "names"),
     [

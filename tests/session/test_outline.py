@@ -76,6 +76,7 @@ def test_where_no_light_comes_back_the_light_tells_the_outline(outlined, tmp_pat
     assert np.abs(error[3:]).max() < 1.5e-3
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize(
     ("overrides", "told"),
     [
@@ -98,6 +99,7 @@ def test_an_outline_that_is_not_shown_is_said(outlined, tmp_path, overrides, tol
     assert str(refused.value).count("\n") == 0
 
 
+@pytest.mark.whole
 def test_a_session_scans_outline_and_image_from_one_place(composed, tmp_path):
     path = tmp_path / "plate.obj"
     path.write_text(MESH)

@@ -107,6 +107,7 @@ def test_the_journal_keeps_sums_and_no_samples(composed, tmp_path):
     assert read_line(path) is None
 
 
+@pytest.mark.whole
 def test_averages_are_replayed_to_the_bit(composed, tmp_path):
     first, _ = scanned(composed, tmp_path / "run" / "journal", "scan.sampling.spare=6.0")
     replay = ("instrument=replay", f"instrument.path={tmp_path / 'run'}", "scan.sampling.spare=6.0")
@@ -199,6 +200,7 @@ def test_records_that_are_not_as_asked_for_are_refused(fault, told):
         Averaging(Response(), acquisition, 0).measure(instrument, np.zeros((3, 2), int), 0)
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize(
     ("change", "told"),
     [
@@ -214,6 +216,7 @@ def test_what_averages_cannot_be_made_of_is_told(composed, tmp_path, change, tol
         scanned(composed, tmp_path, change)
 
 
+@pytest.mark.whole
 def test_noise_in_short_records_is_warned_of(composed, tmp_path):
     """Lines and the record length that would do; what repeats needs no warning."""
     _, findings = scanned(composed, tmp_path, "scan.sampling.excitation=random")

@@ -74,6 +74,7 @@ class Eye:
         return up_down, left_right
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("where", ["scan.views.a", "scan.poses"])
 def test_the_beam_begins_where_a_rough_pose_predicts_a_mark(composed, tmp_path, monkeypatch, where):
     marks = "{a: {hidden: [3]}}"
@@ -234,6 +235,7 @@ def test_a_dead_speaker_is_told_with_how_many_were_found(composed, tmp_path):
         scan_views(e, tmp_path)
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize(
     ("wrong", "told"),
     [

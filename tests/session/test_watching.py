@@ -159,6 +159,7 @@ def test_a_skipped_calibration_object_leaves_nothing_of_its_view(composed, tmp_p
         scan_views(experiment, tmp_path)
 
 
+@pytest.mark.whole
 def test_of_a_skipped_view_what_was_whole_stays(composed, tmp_path):
     experiment = composed(*PLATE)
     whole = scan_views(experiment, tmp_path / "whole")

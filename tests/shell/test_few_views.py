@@ -36,7 +36,7 @@ def notes(found):
     return [n for g in (found.field(), found.strain()) for n in g.attrs["notes"].splitlines()]
 
 
-@pytest.mark.one_in(3)
+@pytest.mark.one_in(6)
 @pytest.mark.parametrize("view", range(len(lab.PLACES)))
 def test_one_image_tells_the_strain_of_bending(view):
     """Pixels as many as those of bare sldvexp, with their noise."""

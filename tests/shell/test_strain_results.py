@@ -137,6 +137,7 @@ HARD = {
 }
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("together", [0.0, 1.0])
 @pytest.mark.parametrize("name", HARD)
 def test_bounds_of_the_largest_extension_hold_where_it_is_hard(name, together):

@@ -145,6 +145,7 @@ def test_size_of_the_intercepts_f_test(confidence, samples_per_record):
         assert abs(p.mean() - 0.5) < FOUR / np.sqrt(12 * TRIALS)
 
 
+@pytest.mark.whole
 def test_power_of_the_intercepts_f_test():
     """An offset of five of its standard errors is kept nearly always, and unbiases the pixel."""
     rng = np.random.default_rng(15)

@@ -206,7 +206,7 @@ def flipped(content):
     return content[:middle] + bytes([content[middle] ^ 1]) + content[middle + 1 :]
 
 
-@pytest.mark.one_in(3)
+@pytest.mark.one_in(6)
 @pytest.mark.parametrize("damage", DAMAGES)
 def test_damaged_entry_is_noticed_and_made_again(damage, perform, tmp_path, caplog):
     (entry,) = (tmp_path / ".shared").glob("*.nc")

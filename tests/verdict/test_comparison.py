@@ -59,7 +59,7 @@ def test_clean_views_are_rejected_once_in_a_hundred(views, noise, std):
 def test_wrong_view_is_named_with_its_kind(mistake, size, kind):
     rng = np.random.default_rng(7)
     wrong = int(rng.integers(5))
-    on = bench(session(rng, 5, mistakes={wrong: mistake}, size=size))
+    on = bench(session(rng, 5, mistakes={wrong: mistake}, size=size, pixels=21))
     fit = on.fit()
     assert compare_views(on, fit).rejects
     best, other = tells_views_apart(diagnose(on, fit))
@@ -143,7 +143,7 @@ def power_of(on: Bench, size: float, numbers: int) -> float:
     return float(np.mean(found))
 
 
-@pytest.mark.one_in(4)
+@pytest.mark.one_in(8)
 @pytest.mark.parametrize(
     ("std", "size", "pixels", "lines", "powers"),
     [

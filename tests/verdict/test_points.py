@@ -56,7 +56,7 @@ def test_clean_points_are_believed(sessions):
     assert wrong <= binom.isf(1e-3, sessions, 0.01)
 
 
-@pytest.mark.one_in(4)
+@pytest.mark.one_in(8)
 @pytest.mark.parametrize("mistake", MISTAKES)
 @pytest.mark.parametrize("views", [5, 6])
 def test_wrong_view_is_named(mistake, views):

@@ -27,7 +27,7 @@ def light(lab, dac):
     return beams(lab.mirrors, wired, rotation, origin, lab.scene.spot)
 
 
-@pytest.mark.one_in(4)
+@pytest.mark.one_in(8)
 @pytest.mark.parametrize("swapped", [False, True])
 @pytest.mark.parametrize("laser", ["ometron", "ometron_16bit"])
 @pytest.mark.parametrize("view", ["1", "2", "4"])
@@ -135,6 +135,7 @@ def crossings(lab, circle, row):
     return np.sort([lab.true_edge(circle, a)[1] for a in roots])
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("circle", [1, 3])
 def test_halfway_at_the_true_edge(quiet, phasors, circle):
     lab = quiet("calibration", "scene.machine_error=true", laser="ometron_16bit", seed=4)

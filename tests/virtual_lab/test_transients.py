@@ -29,6 +29,7 @@ def records(lab, how, dac=PIXELS, stream=0):
     return volts.reshape(len(dac), how.records, 2, how.samples), found.status
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("triggered", [True, False])
 @pytest.mark.parametrize("kind", ["multisine", "chirp", "pseudo_random"])
 def test_what_repeats_moves_as_the_response_says(quiet, kind, triggered):

@@ -9,6 +9,7 @@ import os
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 DATA = Path(__file__).parents[3] / "conf" / "data"
 MM = 1e-3
@@ -114,6 +115,7 @@ def test_the_shape_of_the_points(sldvexp):
     assert abs(part).max() < 5
 
 
+@pytest.mark.whole
 def test_the_shape_of_the_field(sldvexp):
     done = sldvexp("experiment=tutorial")
     assert done.status == 0, done.err
