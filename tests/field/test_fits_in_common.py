@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 from sldvexp.field import Direct, Iterative, View, VolumeVisibility
+from sldvexp.field.bounds import intercept_test
+from sldvexp.field.bounds.intercept_test import ChosenIntercepts
 from sldvexp.field.bounds.inverse import WholeInverse
 from sldvexp.field.estimate import solve_field
 from sldvexp.field.result import FieldResult
@@ -79,6 +81,40 @@ def test_variances_are_computed_once_for_all_solvers(
         for solver in SOLVERS:
             solve_field(together, method, solver)
     assert len(computed) == len(METHODS) + 1
+
+
+def test_intercepts_are_chosen_and_images_smoothed_once_for_all_solvers(
+    look: Callable[[], VolumeVisibility], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A small field's inverse is known, so that no solver has a part in which are tested."""
+    chosen, smoothed = [], []
+    usual, smooth = ChosenIntercepts.from_pixels, intercept_test.smooth_image
+    monkeypatch.setattr(
+        ChosenIntercepts, "from_pixels", lambda *args: chosen.append(args) or usual(*args)
+    )
+    monkeypatch.setattr(
+        intercept_test, "smooth_image", lambda *args: smoothed.append(args) or smooth(*args)
+    )
+    together = look()
+    together.common = {}
+    full = Absolute(model=Model.full)
+    tests = [solve_field(together, full, solver).intercept_test for solver in SOLVERS]
+    assert len(chosen) == 1
+    assert len(smoothed) == len(together.views)
+    np.testing.assert_allclose(tests[0].statistic, tests[1].statistic, rtol=1e-9)
+    np.testing.assert_allclose(tests[0].dof, tests[1].dof, rtol=1e-9)
+
+
+def test_slopes_are_those_of_the_columns_that_are_asked_for(
+    look: Callable[[], VolumeVisibility],
+) -> None:
+    together, alone = look(), look()
+    together.common = {}
+    data = [v.velocity.real for v in alone.views]
+    for factor in (1.0, 2.0, 2.0, 1.0):
+        columns = [factor * each for each in data]
+        for a, b in zip(together.slopes(columns), alone.slopes(columns), strict=True):
+            np.testing.assert_array_equal(a, b)
 
 
 def test_views_of_another_pose_or_without_one_share_nothing(

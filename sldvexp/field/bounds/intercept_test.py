@@ -25,16 +25,21 @@ velocities change linearly with them.
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from sldvexp.field.bounds.inverse import WholeInverse
 from sldvexp.field.bounds.pose_uncertainty import POSE, PoseEffect
 from sldvexp.field.bounds.residuals_and_bounds import FieldBounds
 from sldvexp.field.bounds.smooth_image import smooth_image
 from sldvexp.field.equations.regions import RegionIterator, RegionSamples
 from sldvexp.field.equations.system import NormalEquations, Solve, solution
 from sldvexp.field.streaming.compression import FrequencyModes
+from sldvexp.field.visibility.visibility import VolumeVisibility
 from sldvexp.lazy import scipy
 from sldvexp.statistics import FTest, f_test
 from sldvexp.typing import Array, BoolArray, IndexArray
@@ -100,36 +105,43 @@ class InterceptTest:
         effect : PoseEffect, optional
             None if the poses have no covariance.
         """
+        seen = parts.visibility
         if effect is not None:
-            views = zip(parts.visibility.views, effect.data, strict=True)
-            effect = replace(effect, data=[smooth_image(*each) for each in views])
+            effect = replace(effect, data=seen.of_columns("smooth", effect.data, _smooth(seen)))
         s = [std[:, None] ** 2 for std in parts.model.pixel_std]
-        chosen = _combinations(parts, system, determined, variance)
-        of_chosen = np.zeros((*chosen.shape[:2], parts.model.parameters, chosen.shape[-1]))
-        of_chosen[:, :, INTERCEPT] = chosen
         columns = SampleColumns.from_noise(effect, s)
         right, squares = columns.normal_equations(parts)
+        if system.is_small:
+            solve = WholeInverse.from_system(system, parts.model.parameters).times
         theta = solution(right, system, solve)
         squares -= np.tensordot(right, theta, ([0, 1, 2], [0, 1, 2]))
-        y, left = columns.of_pixels(parts, solution(of_chosen, system, solve), theta)
-        noise = np.stack([a.T @ (v * a) for a, v in zip(y, s, strict=True)])
-        white, poses, root = _whitening(noise.sum(axis=0)), columns.poses, _root(effect)
-        combination = chosen @ white
-        by_pose = np.einsum("lnq,lnp->qp", combination, theta[:, :, INTERCEPT, :poses])
+        known = _chosen.get(system)
+        p = (
+            known.combination[..., :0]
+            if known
+            else _combinations(parts, system, determined, variance)
+        )
+        x = _solved_for(p, parts.model.parameters, system, solve)
+        y, left = columns.of_pixels(parts, x, theta)
+        chosen = known or ChosenIntercepts.from_pixels(p, y, s)
+        if system.is_small:
+            _chosen[system] = chosen
+        poses, root = columns.poses, _root(effect)
+        by_pose = np.einsum("lnq,lnp->qp", chosen.combination, theta[:, :, INTERCEPT, :poses])
         own = [_by_errors(n[:, :poses], root) for n in left]
         square = squares[:poses, :poses].reshape(2 * (len(root), poses // max(1, len(root))))
         left_squares = np.einsum("ambn,ae,bd->emdn", square, root, root, optimize=True)
         probes = [n[:, poses:] for n in left]
         return cls(
-            combination,
-            white.T @ noise @ white,
+            chosen.combination,
+            chosen.noise,
             _by_errors(by_pose, root),
             own,
             left_squares,
             np.stack(
                 [np.tensordot(n, v[..., None] * n, (0, 0)) for n, v in zip(own, s, strict=True)]
             ),
-            2 * _dof(columns.probes, probes, [a @ white for a in y], s),
+            2 * _dof(columns.probes, probes, chosen.of_pixels, s),
         )
 
     def with_changes(self, changes: Array) -> InterceptTest:
@@ -185,6 +197,55 @@ class InterceptTest:
                 covariance = s2 * np.tensordot(factor[:, f], self.noise, 1)
                 statistic[f] = wald(beta[:, two], covariance, self.by_pose @ c) / (2 * count)
         return f_test(statistic, 2 * count, self.dof, confidence)
+
+
+@dataclass(frozen=True, eq=False)
+class ChosenIntercepts:
+    """Combinations of the intercepts that are tested, which no velocity and no pose decides.
+
+    Attributes
+    ----------
+    combination : ndarray, shape (layer, surface_node, combination)
+        See `InterceptTest`.
+    noise : ndarray, shape (view, combination, combination)
+        See `InterceptTest`.
+    of_pixels : list of ndarray, shape (pixel, combination)
+        The matrices Y_k of these combinations.
+    """
+
+    combination: Array
+    noise: Array
+    of_pixels: list[Array]
+
+    @classmethod
+    def from_pixels(cls, chosen: Array, y: list[Array], s: list[Array]) -> ChosenIntercepts:
+        """Give the combinations P with these Y_k the covariance 1.
+
+        Parameters
+        ----------
+        chosen : ndarray, shape (layer, surface_node, combination)
+        y : list of ndarray, shape (pixel, combination)
+        s : list of ndarray, shape (pixel, 1)
+            Variances of each view's pixels.
+        """
+        noise = np.stack([a.T @ (v * a) for a, v in zip(y, s, strict=True)])
+        white = _whitening(noise.sum(axis=0))
+        return cls(chosen @ white, white.T @ noise @ white, [a @ white for a in y])
+
+
+#: Those of small systems that are still there, since fits by several solvers have one in common.
+_chosen: WeakKeyDictionary[NormalEquations, ChosenIntercepts] = WeakKeyDictionary()
+
+
+def _solved_for(chosen: Array, parameters: int, system: NormalEquations, solve: Solve) -> Array:
+    """Solve ``M x = P^T`` for the matrix P of intercepts; of a small system M^-1 is known."""
+    if system.is_small:
+        whole = WholeInverse.from_system(system, parameters).inverse
+        shape = (*chosen.shape[:2], parameters, chosen.shape[2])
+        return (whole[:, INTERCEPT::parameters] @ _columns(chosen)).reshape(shape)
+    of_chosen = np.zeros((*chosen.shape[:2], parameters, chosen.shape[-1]))
+    of_chosen[:, :, INTERCEPT] = chosen
+    return solution(of_chosen, system, solve)
 
 
 def wald(beta: Array, covariance: Array, common: Array) -> float:
@@ -280,11 +341,12 @@ class SampleColumns:
         left = [np.zeros((len(z), theta.shape[-1])) for z in self.probes]
         for part in parts.disjoint():
             nodes, q, each = part.patch.nodes, part.at.pointwise.weight, self.at(part)
-            of_x, of_theta = (a[:, nodes].reshape(-1, a.shape[-1]) for a in (x, theta))
+            of_x, of_theta = (_columns(a[:, nodes]) for a in (x, theta))
             for k, (of_view, r) in enumerate(
                 zip(part.samples.by_view, part.influences, strict=True)
             ):
-                seen[k] += r.T @ of_x
+                if x.shape[-1]:
+                    seen[k] += r.T @ of_x
                 left[k] -= r.T @ of_theta
                 for j, (places, e) in enumerate(each):
                     if (both := q.of_views(k, j)).any():
@@ -317,6 +379,16 @@ def _dof(probes: list[Array], weighed: list[Array], y: list[Array], s: list[Arra
     both = np.sum((of_y.T @ z) * (of_y.T @ (v * n))) / PROBES
     inverse = square / trace**2 - 2 * both / (of_y.shape[1] * trace)
     return float(1 / inverse) if inverse > 0 else np.inf
+
+
+def _columns(values: Array) -> Array:
+    """Turn (..., column) into a matrix, which may have no column."""
+    return values.reshape(math.prod(values.shape[:-1]), values.shape[-1])
+
+
+def _smooth(visibility: VolumeVisibility) -> Callable[[Sequence[Array]], list[Array]]:
+    """Make the map from columns of every view's image to smooth ones."""
+    return lambda data: [smooth_image(*each) for each in zip(visibility.views, data, strict=True)]
 
 
 def _combinations(

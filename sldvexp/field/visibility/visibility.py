@@ -6,7 +6,8 @@ and fields without one of the views, do not project its samples again.
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Sequence
+import hashlib
+from collections.abc import Callable, Hashable, Sequence
 from copy import copy
 from dataclasses import dataclass, field, replace
 from typing import Any, Self
@@ -142,7 +143,13 @@ class VolumeVisibility:
     @property
     def findings(self) -> list[Finding]:
         """Views that lose places of the surface next to a background at rest."""
-        return background_findings(self.views, self.laser, self.prisms)
+        key = ("findings",)
+        if self.common is not None and key in self.common:
+            return list(self.common[key])
+        found = background_findings(self.views, self.laser, self.prisms)
+        if self.common is not None:
+            self.common[key] = tuple(found)
+        return found
 
     @property
     def interpolation_errors(self) -> list[scipy.sparse.csr_array]:
@@ -154,8 +161,38 @@ class VolumeVisibility:
             self._errors = found
         return found
 
+    def of_columns(
+        self,
+        what: str,
+        data: Sequence[Array],
+        work: Callable[[Sequence[Array]], list[Array]],
+    ) -> list[Array]:
+        """Compute something of every view's columns, or recall it if they were the last ones.
+
+        Parameters
+        ----------
+        what : str
+            Name of what is computed.
+        data : sequence of ndarray, shape (pixel, column)
+        work : callable
+            From the columns of all views to what is wanted of each.
+        """
+        if self.common is None:
+            return work(data)
+        told = hashlib.sha256()
+        for columns in data:
+            told.update(b"%d %d " % columns.shape + columns.tobytes())
+        last, found = self.common.get((what,), ("", []))
+        if last != told.hexdigest():
+            found = work(data)
+            self.common[(what,)] = told.hexdigest(), found
+        return list(found)
+
     def slopes(self, data: Sequence[Array]) -> list[Array]:
         """Differentiate columns of every view's image at its pixels, shape (2, pixel, column)."""
+        return self.of_columns("slopes", data, self._slopes)
+
+    def _slopes(self, data: Sequence[Array]) -> list[Array]:
         found = []
         for interpolator, view, values in zip(self._interpolators, self.views, data, strict=True):
             at = interpolator.at(view.dac).located
