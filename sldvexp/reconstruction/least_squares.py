@@ -167,8 +167,8 @@ def rank_of(matrices: Array, tolerance: float) -> IntArray:
     rows, parameters = matrices.shape[-2:]
     if rows >= parameters:
         # Of eigenvalues with sum tr, the smallest is at least det / (tr / (p - 1))**(p - 1).
-        gram = np.swapaxes(matrices, -1, -2) @ matrices
-        trace = np.trace(gram, axis1=-2, axis2=-1)
+        gram = _grams(matrices)
+        trace = np.trace(gram)
         smallest = _determinant(gram) * (parameters - 1) ** (parameters - 1)
         if np.all(smallest > max(tolerance**2, GRAM_LIMIT) * trace**parameters):
             return np.full(matrices.shape[:-2], parameters)
@@ -176,11 +176,29 @@ def rank_of(matrices: Array, tolerance: float) -> IntArray:
     return np.sum(sigma > tolerance * sigma[..., :1], axis=-1)
 
 
+#: Matrices whose products stay in the cache.
+POINTS_AT_ONCE = 8192
+
+
+def _grams(matrices: Array) -> Array:
+    """Compute ``G^T G``, shape (parameter, parameter, ...); an entry runs over all matrices."""
+    rows, parameters = matrices.shape[-2:]
+    flat = matrices.reshape(-1, rows, parameters)
+    found = np.empty((parameters, parameters, len(flat)))
+    for first in range(0, len(flat), POINTS_AT_ONCE):
+        some = slice(first, first + POINTS_AT_ONCE)
+        g = np.moveaxis(flat[some], 0, -1).copy()
+        for i, j in np.ndindex(parameters, parameters):
+            if i <= j:
+                found[i, j, some] = found[j, i, some] = np.einsum("rp,rp->p", g[:, i], g[:, j])
+    return found.reshape(parameters, parameters, *matrices.shape[:-2])
+
+
 def _determinant(matrices: Array) -> Array:
-    """Compute determinants; of 3 x 3 matrices all at once, which is ten times as fast."""
-    if matrices.shape[-1] != 3:
-        return np.asarray(np.linalg.det(matrices), float)
-    a, b, c = np.moveaxis(matrices, (-2, -1), (0, 1)).copy()
+    """Compute determinants of matrices (parameter, parameter, ...), of 3 x 3 all at once."""
+    if len(matrices) != 3:
+        return np.asarray(np.linalg.det(np.moveaxis(matrices, (0, 1), (-2, -1))), float)
+    a, b, c = matrices
     found = a[0] * (b[1] * c[2] - b[2] * c[1])
     found += a[1] * (b[2] * c[0] - b[0] * c[2])
     found += a[2] * (b[0] * c[1] - b[1] * c[0])

@@ -152,8 +152,8 @@ class NearInverse:
         """Prepare the rows of a system's inverse."""
         product = KroneckerInverse.from_system(system)
         mean = system.line.sum(axis=1)[:, None, None, None] * system.surface_sums
-        turn = np.linalg.pinv(system.lumped, rcond=1e-10, hermitian=True) @ mean
-        far = np.abs(np.linalg.eigvals(turn) - 1).max(axis=(0, 2)) > ODD
+        turn = _pseudo_inverse(system.lumped) @ mean
+        far = _differ(turn).any(axis=0)
         odd = system.graph.neighbours @ far.astype(float) > 0
         rows = surface_rows(system, product.surface, rings)
         return cls(system, product.line, rows, turn, odd, rings)
@@ -172,6 +172,25 @@ class NearInverse:
         volume = volume_rows(self.system, own[odd], place, self.rings)
         kind = ScalarRows if self.system.block == 1 else CoupledRows
         return kind(self.line, surface, place[own], self.turn[:, own], odd, volume)
+
+
+def _pseudo_inverse(matrices: Array) -> Array:
+    """Invert symmetric matrices, shape (..., block, block); of singular ones as far as they are."""
+    if matrices.shape[-1] > 1:
+        return np.asarray(np.linalg.pinv(matrices, rcond=1e-10, hermitian=True), float)
+    return np.divide(1.0, matrices, out=np.zeros_like(matrices), where=matrices != 0)
+
+
+def _differ(turn: Array) -> BoolArray:
+    """Tell which matrices (..., block, block) differ from the identity by more than `ODD`.
+
+    In any direction: an eigenvalue of the difference, none of which is larger than its norm.
+    """
+    off = turn - np.eye(turn.shape[-1])
+    found = np.linalg.norm(off, axis=(-2, -1)) > ODD
+    if turn.shape[-1] > 1:
+        found[found] = np.abs(np.linalg.eigvals(off[found])).max(axis=-1) > ODD
+    return np.asarray(found)
 
 
 @dataclass(frozen=True, eq=False)
@@ -204,11 +223,13 @@ class ViewInfluence:
         nodes, pixels = len(r.indptr) - 1, r.shape[1] // layers
         x = np.moveaxis(rows.reshape(len(rows), layers, nodes, parameters), 0, -1)
         found = np.zeros((pixels, len(rows)))
-        for layer, i in np.ndindex(layers, parameters):
-            # Rows of R read as columns are those of its transpose.
-            entries = r.data[:, i, layer], r.indices, r.indptr
-            of_layer = scipy.sparse.csc_array(entries, shape=(pixels, nodes))
-            found += of_layer @ np.ascontiguousarray(x[layer, :, i])
+        for i in range(parameters):
+            some = np.flatnonzero(x[:, :, i].any(axis=(0, 1)))  # one that couples none has few
+            for layer in range(layers):
+                # Rows of R read as columns are those of its transpose.
+                entries = r.data[:, i, layer], r.indices, r.indptr
+                of_layer = scipy.sparse.csc_array(entries, shape=(pixels, nodes))
+                found[:, some] += of_layer @ x[layer, :, i, some].T
         return found
 
 
@@ -246,6 +267,11 @@ class NearRows(InverseRows):
     odd: IndexArray
     volume: scipy.sparse.bsr_array
 
+    def _along(self, beside: scipy.sparse.bsr_array) -> Array:
+        """Put the line's inverse before blocks (parameter, layer), all in one product."""
+        product = beside.data.reshape(-1, beside.blocksize[1]) @ self.line.T
+        return np.asarray(product.reshape(beside.data.shape))
+
     @abstractmethod
     def of_view(
         self, influence: ViewInfluence, variance: Array, *, fitted: bool = True
@@ -268,8 +294,9 @@ class CoupledRows(NearRows):
         layers, _, parameters, columns = x.shape
         along = np.tensordot(self.line, x, axes=1).reshape(layers, -1, columns)
         surface = self.surface.tocsr()  # without blocks all columns are added at once
-        rows = np.stack([surface @ layer for layer in along])
-        found = self.turn @ rows.reshape(layers, len(self.own), parameters, columns)
+        found = np.empty((layers, len(self.own), parameters, columns))
+        for turn, of_layer, to in zip(self.turn, along, found, strict=True):
+            np.matmul(turn, (surface @ of_layer).reshape(to.shape), out=to)
         exact = self.volume @ x.reshape(-1, columns)
         found[:, self.odd] = exact.reshape(layers, len(self.odd), parameters, columns)
         return found
@@ -280,7 +307,7 @@ class CoupledRows(NearRows):
         """Compute diagonals as `NearRows` says."""
         beside, kernels = influence.beside, influence.kernels
         p, layers = beside.blocksize
-        along = beside.data @ self.line.T
+        along = self._along(beside)
         if kernels is None or p != AXES:
             covariance, of_both = self._products(beside, along, variance, fitted)
         else:
@@ -315,8 +342,9 @@ class ScalarRows(NearRows):
         layers, _, parameters, columns = x.shape
         along = np.tensordot(self.line, x, axes=1).reshape(layers, -1, parameters * columns)
         surface, volume = (scipy.sparse.csr_array(rows) for rows in (self.surface, self.volume))
-        rows = np.stack([surface @ layer for layer in along])
-        found = self.turn * rows.reshape(layers, len(self.own), parameters, columns)
+        found = np.empty((layers, len(self.own), parameters, columns))
+        for turn, of_layer, to in zip(self.turn, along, found, strict=True):
+            np.multiply(turn, (surface @ of_layer).reshape(to.shape), out=to)
         exact = volume @ x.reshape(-1, parameters * columns)
         found[:, self.odd] = exact.reshape(layers, len(self.odd), parameters, columns)
         return found
@@ -327,7 +355,7 @@ class ScalarRows(NearRows):
         """Compute diagonals as `NearRows` says."""
         beside, kernels = influence.beside, influence.kernels
         p, layers = beside.blocksize
-        along = beside.data @ self.line.T
+        along = self._along(beside)
         if kernels is None:
             nodal, of_both = self._products(beside, along, variance, fitted)
         else:

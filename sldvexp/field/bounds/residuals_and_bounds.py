@@ -379,7 +379,7 @@ def _of_samples(part: RegionSamples, k: int, variance: Array) -> Array:
     """Sum the variances of a view's samples that the part owns, in every equation."""
     of_samples = (part.samples.by_view[k].weights.power(2) @ variance) * part.owned
     if part.model.contravariant:
-        found: Array = of_samples @ (part.at.estimator * part.at.solution)[:, :, k]
+        found: Array = of_samples @ (part.at.estimator[:, :, k] * part.at.solution[:, :, k])
         return found
     return np.array([of_samples @ part.at.pointwise.weight.of_views(k, k)])
 

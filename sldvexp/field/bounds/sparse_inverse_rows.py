@@ -54,11 +54,12 @@ def surface_rows(
     row = np.repeat(np.arange(nodes), np.diff(reach.indptr))
     data = np.empty((reach.nnz, block, block))
     for first in range(0, int(colour.max()) + 1, COLOURS_AT_ONCE):
-        some = np.flatnonzero((colour >= first) & (colour < first + COLOURS_AT_ONCE))
-        unit = np.zeros((nodes, block, COLOURS_AT_ONCE, block))
+        now = (colour >= first) & (colour < first + COLOURS_AT_ONCE)
+        some = np.flatnonzero(now)
+        unit = np.zeros((nodes, block, int(colour[some].max()) + 1 - first, block))
         unit[some, :, colour[some] - first] = np.eye(block)
         columns = solved(factor, unit.reshape(nodes * block, -1)).reshape(unit.shape)
-        entry = np.flatnonzero(np.isin(row, some))
+        entry = np.flatnonzero(now[row])
         found = columns[reach.indices[entry], :, colour[row[entry]] - first]
         data[entry] = np.swapaxes(found, 1, 2)
     _close(data, row, np.asarray(reach.indices, np.intp), last, system.surface_sums)
