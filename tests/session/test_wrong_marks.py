@@ -116,6 +116,7 @@ def test_who_types_lines_is_told_before_the_session_goes_on(session):
     np.testing.assert_array_equal(session.group["dac"].values[0], session.true)
 
 
+@pytest.mark.whole
 def test_where_nobody_is_there_the_session_goes_on_with_what_is_kept(session):
     session.press(*marks(session), "enter enter")
     assert WRONG in typed(session).requests[0]
