@@ -129,6 +129,7 @@ def test_a_spoilt_answer_is_not_given(cache, said):
     assert said("list", "--help") == (*first[:3], 2)
 
 
+@pytest.mark.whole
 def test_without_a_cache_the_program_answers(said, monkeypatch):
     monkeypatch.setattr(kept, "private_folder", lambda name: "")
     first = said("--cfg", "job")

@@ -109,7 +109,7 @@ def test_settings_beside_a_run_that_goes_on_hold_for_aiming_and_for_going_on(cut
     assert gone_on == 2 * [[f"resume={cut_off}", "seed=7", "scan.structure.pixels=[4,5]"]]
 
 
-@pytest.mark.one_in(2)
+@pytest.mark.whole
 @pytest.mark.parametrize("added", ["scan.calibration.coarse.stride=16", "seed=7"])
 def test_a_setting_that_kept_lines_do_not_go_with_is_refused_at_once(cut_off, served, added):
     (cut_off / "journal").mkdir()

@@ -197,6 +197,7 @@ def looked_at(bench, seen, low, high):
     return parts[begun + 1 :]
 
 
+@pytest.mark.whole
 def test_broadband_scan_is_looked_at_where_most_moves(broadband, seen):
     parts = looked_at(broadband, seen, [-1500, -1600], [1500, 400])
     assert {h["frequency"] for h in parts} == {440.0}  # of a mode that moves all over the plate

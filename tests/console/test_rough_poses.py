@@ -260,6 +260,7 @@ def test_region_of_a_view_of_its_own_goes_before_that_of_all(rough):
     np.testing.assert_allclose([found["corner", k] for k in (1, 2, 3, 4)], wanted, atol=1)
 
 
+@pytest.mark.whole
 def test_search_each_circle_and_the_image_are_pictures_that_hold_all_their_lines(
     rough, wishes, tmp_path
 ):

@@ -54,7 +54,7 @@ def nodal_values(nodes: int, model: Model, seed: int = 1) -> np.ndarray:
     return rng.normal(size=shape) + 1j * rng.normal(size=shape)
 
 
-@pytest.mark.one_in(5)
+@pytest.mark.one_in(10)
 @pytest.mark.parametrize("local", [False, True])
 @pytest.mark.parametrize(("name", "rows", "model", "fewest"), METHODS)
 @pytest.mark.parametrize("count", [3, 5, pytest.param(12, marks=pytest.mark.long)])

@@ -229,13 +229,12 @@ def _answer(call: list[Any]) -> dict[str, Any]:
 
 def _warm_up() -> None:
     """Import and compose what calls have in common, so that a call takes a tenth of a second."""
+    import matplotlib.pyplot
     import netCDF4
     import numpy
     import pandas
     import scipy.io
     import xarray
-
-    import matplotlib.pyplot
     from hydra._internal.hydra import Hydra
 
     from sldvexp.cli import main

@@ -42,7 +42,7 @@ def images(
     return found
 
 
-@pytest.mark.one_in(4)
+@pytest.mark.one_in(8)
 @pytest.mark.parametrize("wiring", WIRINGS)
 @pytest.mark.parametrize("plane", ["one", "two"])
 def test_roll_order_and_mirroring_are_found(

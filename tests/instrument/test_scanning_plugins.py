@@ -36,7 +36,7 @@ def scanning(request, experiment):
         server.__exit__()
 
 
-@pytest.mark.one_in(3)
+@pytest.mark.one_in(6)
 @pytest.mark.parametrize(
     "chosen",
     [

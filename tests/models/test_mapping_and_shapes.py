@@ -71,6 +71,7 @@ def test_surface_half_a_thickness_beside_the_elements_moves_along_them_too(measu
         np.testing.assert_allclose(VELOCITY[k] * seen.motion[inside, :, k], true[inside], atol=1e-9)
 
 
+@pytest.mark.whole
 def test_turning_about_the_elements_is_not_felt_along_the_beam(measured):
     """All points of a rigid line along a beam have one velocity along it."""
     views = mapped(measured, closed_form((24, 20)), 0)
@@ -132,6 +133,7 @@ def test_assurance_of_a_right_model_is_near_its_expected_value(measured):
     assert np.all(mac.value.diagonal() < 1)
 
 
+@pytest.mark.whole
 def test_poses_that_are_off_together_are_known_by_their_joint_covariance(measured):
     """All stand beside where they are said to stand, as after a bundle without a fixed world."""
     std, off = 1e-3, np.array([1e-3, -1e-3, 0.5e-3])

@@ -65,7 +65,6 @@ def test_damping_from_a_thousandth_to_a_tenth_is_found():
     assert np.abs(error).max() < 4
 
 
-@pytest.mark.whole
 def test_flagged_pixels_have_no_say_and_get_what_their_lines_give():
     clean, _ = session(4, 0.1)
     spoilt = clean.copy(deep=True)

@@ -117,6 +117,7 @@ def test_references_of_other_pixels_lines_or_views_are_refused():
         modes.estimate_modes({"view0": first}, modes.MostLikelyModes(), {"2+Z": {"b": second}})
 
 
+@pytest.mark.whole
 def test_a_pixel_that_one_reference_flags_has_no_say():
     alone = [0, 1, 2, 4]
     (first, second), _ = two_references(6, SQUARE[alone], PART[:, alone])

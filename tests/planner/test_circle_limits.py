@@ -44,6 +44,7 @@ def test_circles_on_two_faces_limit_the_stands_and_those_on_one_do_not():
     assert around(place(faces=("front",)), np.random.default_rng(0)) == ""
 
 
+@pytest.mark.whole
 def test_where_circles_forbid_every_stand_the_incidence_is_said_that_allows_some():
     told = r"with plan.room.incidence=\d\d \d+ of them are feasible \(circles are found up to 72"
     with pytest.raises(UserError, match=told):

@@ -50,6 +50,7 @@ def test_lines_that_do_not_reach_an_edge_are_told_with_what_is_needed(stride, ro
     assert not list(too_short(*two_stands(needed, rough)))
 
 
+@pytest.mark.whole
 def test_rough_poses_without_a_stride_need_none():
     assert not list(too_short(*two_stands(None, True)))
 

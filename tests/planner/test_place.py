@@ -185,6 +185,7 @@ def test_a_surface_hides_a_part_of_itself():
     assert not open_.any()
 
 
+@pytest.mark.whole
 def test_only_a_surface_that_is_not_convex_is_asked_what_it_hides():
     plate, panel = (experiment(f"experiment={name}") for name in ("plate", "curved_panel"))
     assert Place.from_experiment(plate).clearance is None

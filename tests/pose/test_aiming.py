@@ -114,6 +114,7 @@ def test_three_marks_tell_poses_of_which_one_is_right():
     assert close >= 76
 
 
+@pytest.mark.whole
 def test_residuals_of_right_marks_err_as_much_as_they_say():
     z = []
     for view in views(11, 60):

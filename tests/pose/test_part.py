@@ -144,6 +144,7 @@ def test_edges_that_hysteresis_displaces_alike_are_in_the_bounds(stepped, trials
     assert np.mean(without) > 2 * np.mean(square)
 
 
+@pytest.mark.whole
 def test_pointing_noise_is_estimated(stepped):
     group = scanned(mesh(STEPPED), stepped, np.random.default_rng(3), 0.02, 0.08, lines=200)
     found = solve(group)

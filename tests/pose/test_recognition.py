@@ -152,7 +152,7 @@ def test_what_is_not_the_object_at_all_is_no_wiring():
         check_wiring("front", scanned(other), ONE, LASER, {}, upright=True)
 
 
-@pytest.mark.one_in(4)
+@pytest.mark.whole
 @pytest.mark.parametrize(
     "true",
     [

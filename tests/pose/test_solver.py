@@ -138,7 +138,7 @@ def scenes(**kwargs: object) -> st.SearchStrategy[Scene]:
 quick = settings(max_examples=40, deadline=None, derandomize=True)
 
 
-@pytest.mark.one_in(2)
+@pytest.mark.one_in(4)
 @pytest.mark.parametrize("shape", Scene.SHAPES)
 @quick
 @given(data=st.data())

@@ -359,6 +359,7 @@ def test_marks_are_judged_by_what_is_stated_of_them():
     assert not session.solve(Manual(path="not read", pointing=60.0), target).findings
 
 
+@pytest.mark.whole
 def test_a_run_stops_at_a_doubtful_pose_if_told_to(sldvexp):
     calls = ("experiment=spoiled/mirrored", "experiment=spoiled/wrong_point")
     assert [sldvexp(c, "on_doubt=stop").status for c in calls] == [2, 0]

@@ -34,7 +34,7 @@ def method_of(name: str, **fields: object) -> Reconstruction:
     return get("reconstruction", name)(**fields)
 
 
-@pytest.mark.one_in(3)
+@pytest.mark.one_in(6)
 @pytest.mark.parametrize("weights", Weights)
 @pytest.mark.parametrize("name", METHODS)
 @given(seed=SEEDS, views=st.integers(5, 9))

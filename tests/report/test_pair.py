@@ -89,6 +89,7 @@ def test_components_along_the_surface_are_compared_along_the_worlds_axes(
     assert [table.rows[i][i + 1] for i in (0, 1)] == ["1", "1"]
 
 
+@pytest.mark.whole
 def test_runs_of_other_places_have_no_mac(two_runs):
     def moved(around, field):
         around["position"].values[:] += 1.0

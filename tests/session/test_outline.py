@@ -165,6 +165,7 @@ def test_a_raster_without_an_outline_is_refused(composed, tmp_path):
         method.estimate(e.laser, None, {"image/a": quiet})
 
 
+@pytest.mark.whole
 def test_lines_that_were_scanned_are_not_scanned_again(outlined, tmp_path):
     e = outlined()
     first = scan_views(e, tmp_path / "journal")

@@ -126,6 +126,7 @@ def test_who_only_presses_enter_at_the_places_of_a_rough_pose_has_measured_nothi
         typed(rough, *[""] * 6)
 
 
+@pytest.mark.whole
 def test_where_nobody_is_there_the_session_goes_on_with_what_is_kept(session):
     session.press(*marks(session), "enter enter")
     assert WRONG in typed(session).requests[0]

@@ -102,6 +102,7 @@ def test_products_are_those_of_rows(made):
         assert_same(crossed, of.T @ others)
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("made", [plate, tube])
 def test_forms_are_functionals_as_their_rows_are(made):
     """More places than are worked on at once."""

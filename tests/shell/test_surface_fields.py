@@ -215,6 +215,7 @@ def test_parts_of_the_budget_add_up():
     )
 
 
+@pytest.mark.whole
 def test_poses_of_which_nothing_is_known_are_no_source_of_nothing():
     views = lab.views(lab.plate(), np.random.default_rng(11))
     known = np.eye(6 * len(views)) * 1e-10

@@ -84,6 +84,7 @@ def test_leakage_of_random_excitation_is_said_with_lines_and_a_record_that_would
     assert seconds == pytest.approx(2.93, rel=0.25)
 
 
+@pytest.mark.whole
 def test_noise_is_no_part_of_what_leaks(five_modes):
     noisy, made = (
         replace(five_modes, noise=(3.0, 0.001)),

@@ -122,7 +122,7 @@ def test_what_is_not_determined_has_no_part():
     assert float(found["field.std_in_plane"]) == pytest.approx(expected, rel=1e-12)
 
 
-@pytest.mark.one_in(6)
+@pytest.mark.one_in(12)
 @pytest.mark.parametrize(
     ("experiment", "method"),
     [

@@ -28,6 +28,7 @@ def stiffness(terms, y=None):
     return SHEET.bending * ((np.pi * m / A) ** 2 + (np.pi * n / B) ** 2) ** 2
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("place", [(0.15, 0.125), (0.07, 0.1)])
 def test_frequency_with_a_mass_solves_its_characteristic_equation(place):
     kg, terms = 0.3 * WHOLE, 600

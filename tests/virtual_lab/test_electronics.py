@@ -39,6 +39,7 @@ def test_noise_level_is_half_a_percent_of_full_scale(quiet):
     assert abs(v[:, 0].mean()) < SIGMA * error_of_mean
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("factor", [0.5, 2.0])
 def test_a_scene_has_a_factor_of_all_noise(quiet, factor):
     settings = (NOISE, "scene.digitizer.reference_noise=0.05")
