@@ -45,6 +45,7 @@ def run(
     experiment: Experiment | None = None,
     watcher: Watcher | None = None,
     operator: Operator | None = None,
+    left: Callable[[RunData], None] | None = None,
 ) -> bool:
     """Run one experiment.
 
@@ -65,6 +66,8 @@ def run(
         Shows how the run gets on, in the place of `RunProgress`.
     operator : Operator, optional
         Is asked for what must be done by hand, in the place of the person at the terminal.
+    left : callable, optional
+        Gets what the run's file has, once it is in its place.
 
     Returns
     -------
@@ -105,6 +108,8 @@ def run(
         named = list(_texts(OmegaConf.to_container(cfg)))
         made = _leave(run, attributes, report, named, begin)
         watching.run_done(made)
+    if left:
+        left(RunData(run.kept, attributes))
     if not quiet:
         print_closing(RunData(run.kept, attributes), made)
     return whole and ("check" not in run.tree or bool(run.tree["check"]["passed"].all()))
@@ -153,7 +158,8 @@ def _leave(
         outdated = [
             name
             for name in (POSE_FILE, REPORT_FILE)
-            if not ((new / name).exists() or _is_read(folder / name, named))
+            if (folder / name).exists()
+            and not ((new / name).exists() or _is_read(folder / name, named))
         ]
         if run.experiment.export:
             begin(EXPORTS)

@@ -6,6 +6,7 @@ Of each run its headlines are taken: the few numbers that a comparison of runs l
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from datetime import datetime
 from math import nan, prod
 from pathlib import Path
@@ -17,6 +18,7 @@ from sldvexp import dataset
 from sldvexp.check.field_pattern import OUT_OF_PLANE
 from sldvexp.config.paths import RUN_FILE
 from sldvexp.dataset import VERDICT
+from sldvexp.dataset.run_data import RunData
 from sldvexp.lazy import xarray as xr
 from sldvexp.sweep import record
 from sldvexp.sweep.plan import labels
@@ -53,15 +55,13 @@ def collect(
         says where each run lies.
     """
     records = [_record(folder) for folder in folders]
-    files = {
-        i: dataset.load_some(folder / RUN_FILE, (*PARENTS, VERDICT))
+    runs = {
+        i: RunHeadlines.from_file(folder / RUN_FILE)
         for i, (folder, r) in enumerate(zip(folders, records, strict=True))
         if r.state.finished and (folder / RUN_FILE).is_file()
     }
-    results = {i: headlines(tree) for i, tree in files.items()}
-    verdicts = {
-        i: str(t[VERDICT].attrs[VERDICT]) for i, t in files.items() if VERDICT in t.children
-    }
+    results = {i: run.numbers for i, run in runs.items()}
+    verdicts = {i: run.verdict for i, run in runs.items()}
     names = list(dict.fromkeys(name for found in results.values() for name in found))
     stacked: dict[str, xr.DataArray] = {n: _stack(n, results, len(cells)) for n in names}
     stacked |= {
@@ -140,39 +140,77 @@ PARENTS = (*HEADLINES, "examined", "compare")
 MOST_NUMBERS = 100
 
 
-def headlines(tree: xr.DataTree) -> dict[str, xr.DataArray]:
+@dataclass(frozen=True, eq=False)
+class RunHeadlines:
+    """Numbers of a run that a comparison looks at, and its verdict; empty if it has none."""
+
+    numbers: dict[str, xr.DataArray]
+    verdict: str
+
+    @classmethod
+    def from_groups(cls, groups: Mapping[str, xr.Dataset]) -> RunHeadlines:
+        """Pick them from the groups of a run by their path."""
+        found = {name: array.copy() for name, array in headlines(groups).items()}
+        verdict = str(groups[VERDICT].attrs[VERDICT]) if VERDICT in groups else ""
+        return cls(found, verdict)
+
+    @classmethod
+    def from_file(cls, path: Path) -> RunHeadlines:
+        """Read them, unless this process made the file and knows them."""
+        if known := _known.get(_state(path)):
+            return known
+        tree = dataset.load_some(path, (*PARENTS, VERDICT))
+        return cls.from_groups({n.path.strip("/"): n.to_dataset() for n in tree.subtree})
+
+    def keep(self, path: Path) -> None:
+        """Keep them for the end of a sweep, as those of the run's file."""
+        if sum(len(run.numbers) for run in _known.values()) < MOST_KEPT:
+            _known[_state(path)] = self
+
+
+#: Headlines that are kept, some 100 MB of them.
+MOST_KEPT = 30_000
+#: Of files that this process made.
+_known: dict[tuple[int, ...], RunHeadlines] = {}
+
+
+def _state(path: Path) -> tuple[int, ...]:
+    """Tell a file from others, and from what it was."""
+    found = path.stat()
+    return found.st_dev, found.st_ino, found.st_size, found.st_mtime_ns
+
+
+def headlines(groups: Mapping[str, xr.Dataset]) -> dict[str, xr.DataArray]:
     """Pick the headlines of one run.
 
     Parameters
     ----------
-    tree : xarray.DataTree
-        As `sldvexp.dataset.load` gives it.
+    groups : mapping of str to xarray.Dataset
+        Of the run, by their path.
 
     Returns
     -------
     dict of str to xarray.DataArray
         ``pose.s``, ``field.residual_std``, ``examined.truth.error`` and so on.
     """
-    return {name: array for name, array in _all(tree) if array.size <= MOST_NUMBERS}
+    return {name: array for name, array in _all(groups) if array.size <= MOST_NUMBERS}
 
 
-def _all(tree: xr.DataTree) -> Iterator[tuple[str, xr.DataArray]]:
+def _all(groups: Mapping[str, xr.Dataset]) -> Iterator[tuple[str, xr.DataArray]]:
     for group, names in HEADLINES.items():
-        if group in tree.children:
-            yield from _of_group(tree[group].to_dataset(), group, names)
-    if "field" in tree.children:
-        yield from _of_field(tree["field"].to_dataset(), "field")
+        if group in groups:
+            yield from _of_group(groups[group], group, names)
+    if "field" in groups:
+        yield from _of_field(groups["field"], "field")
     for parent, like in (("examined", None), ("compare", "point")):
-        if parent not in tree.children:
-            continue
-        for name, child in tree[parent].children.items():
-            dataset, prefix = child.to_dataset(), f"{parent}.{name}"
-            if like and "element" in dataset.coords:
-                yield from _of_group(dataset, prefix, HEADLINES["field"])
-                yield from _of_field(dataset, prefix)
+        for name, child in RunData(groups).below(parent).items():
+            prefix = f"{parent}.{name}"
+            if like and "element" in child.coords:
+                yield from _of_group(child, prefix, HEADLINES["field"])
+                yield from _of_field(child, prefix)
                 continue
-            wanted = HEADLINES[like] if like else tuple(map(str, dataset.data_vars))
-            yield from _of_group(dataset, prefix, wanted)
+            wanted = HEADLINES[like] if like else tuple(map(str, child.data_vars))
+            yield from _of_group(child, prefix, wanted)
 
 
 def _of_group(

@@ -12,11 +12,12 @@ from omegaconf import DictConfig
 
 from sldvexp.config.experiment import Retry
 from sldvexp.config.paths import JOURNAL, RUN_FILE, locate
+from sldvexp.dataset.run_data import RunData
 from sldvexp.errors import UserError
-from sldvexp.lazy import netCDF4
 from sldvexp.pipeline import provenance, runner
 from sldvexp.session import Watcher
 from sldvexp.sweep import record
+from sldvexp.sweep.collect import RunHeadlines
 from sldvexp.sweep.lock import LOCK_FILE, locked
 from sldvexp.sweep.record import Record, State, Stopwatch
 from sldvexp.sweep.shared_steps import SHARED, Store
@@ -74,12 +75,16 @@ def _perform(
         record.write(place, Record(state, identity, reason, *about))
 
     note(State.running)
+    left: list[RunData] = []
     try:
-        passed = runner.run(cfg, str(place), quiet=True, share=store, watcher=watcher)
+        passed = runner.run(
+            cfg, str(place), quiet=True, share=store, watcher=watcher, left=left.append
+        )
     except Exception as error:  # what Ctrl-C or a signal stops stays noted as running
         note(State.failed, tell(error) or f"{type(error).__name__}: {error}")
         raise
-    inputs = json.loads(_attribute(place / RUN_FILE, "inputs_sha256"))
+    RunHeadlines.from_groups(left[0].groups).keep(place / RUN_FILE)
+    inputs = json.loads(left[0].attributes["inputs_sha256"])
     note(State.done if passed else State.missed, inputs=inputs)
 
 
@@ -118,8 +123,3 @@ def _unchanged(inputs: dict[str, str]) -> bool:
         return all(provenance.sha256(locate(path)) == digest for path, digest in inputs.items())
     except UserError:
         return False
-
-
-def _attribute(path: Path, name: str) -> str:
-    with netCDF4.Dataset(path) as file:
-        return str(file.getncattr(name))

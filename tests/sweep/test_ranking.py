@@ -84,7 +84,7 @@ def test_pooled_headlines_have_the_units_of_what_they_are_pooled_from():
         },
         attrs=attrs,
     )
-    found = headlines(xr.DataTree.from_dict({"field": field, "compare/relative": field}))
+    found = headlines({"field": field, "compare/relative": field})
     assert {n: found[f"field.{n}"].attrs["units"] for n in attrs} == {
         "residual_std": "m/s",
         "sse": "m2/s2",

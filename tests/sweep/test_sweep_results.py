@@ -9,6 +9,7 @@ import pytest
 import xarray as xr
 
 from sldvexp import dataset
+from sldvexp.sweep import collect
 from sldvexp.sweep.lock import locked
 from sldvexp.sweep.plan import Plan, folder_name, labels
 from sldvexp.sweep.sweep import span
@@ -21,6 +22,26 @@ WHERE = "hydra.sweep.dir=swept"
 def opened(folder):
     with xr.open_dataset(folder / "sweep.nc", engine="netcdf4", auto_complex=True) as table:
         return table.load()
+
+
+def test_what_is_collected_of_runs_in_hand_is_what_their_files_have(sldvexp, tmp_path, monkeypatch):
+    """A sweep opens no file of a run that it has just made."""
+    opened_files, load_some = [], dataset.load_some
+    monkeypatch.setattr(
+        dataset,
+        "load_some",
+        lambda path, names: opened_files.append(path) or load_some(path, names),
+    )
+    runs = ("-m", "experiment=point", "reconstruction=absolute,relative")
+    sldvexp(*runs, WHERE)
+    assert not opened_files
+    first = opened(tmp_path / "swept")
+    monkeypatch.setattr(collect, "_known", {})  # as in another process
+    sldvexp(*runs, WHERE)
+    assert len(opened_files) == 2
+    again = opened(tmp_path / "swept")
+    assert list(again.variables) == list(first.variables)
+    xr.testing.assert_identical(again.drop_attrs(deep=False), first.drop_attrs(deep=False))
 
 
 @pytest.fixture

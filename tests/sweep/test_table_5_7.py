@@ -96,12 +96,12 @@ def test_all_methods_of_the_table(sldvexp, tmp_path):
     assert float(written["contravariant"]["field.sse_by_equation[equation=z]"]) > 0
 
 
-def field(**stds) -> xr.DataTree:
+def field(**stds) -> dict[str, xr.Dataset]:
     """A field of two nodes, with the standard errors of its components."""
     values = np.array(list(stds.values()))[None, :, None] * np.array([1, 7])[:, None, None]
     dims = ("node", "component", "frequency")
     group = xr.Dataset({"velocity_std": (dims, values)}, {"component": list(stds)})
-    return xr.DataTree.from_dict({"field": group, "compare/other": group.assign_coords(element=0)})
+    return {"field": group, "compare/other": group.assign_coords(element=0)}
 
 
 @pytest.mark.parametrize("names", [("x", "y", "z"), ("t1", "t2", "n")])
@@ -114,10 +114,10 @@ def test_standard_errors_in_the_surface_and_out_of_it(names):
 
 
 def test_what_is_not_determined_has_no_part():
-    tree = field(x=3.0, y=4.0, z=0.5)
-    std = tree["field"]["velocity_std"]
-    tree["field"]["velocity_std"] = std.where(std != 3.0)
-    found = headlines(tree)
+    groups = field(x=3.0, y=4.0, z=0.5)
+    std = groups["field"]["velocity_std"]
+    groups["field"]["velocity_std"] = std.where(std != 3.0)
+    found = headlines(groups)
     expected = np.sqrt((21.0**2 + 4.0**2 + 28.0**2) / 3)
     assert float(found["field.std_in_plane"]) == pytest.approx(expected, rel=1e-12)
 

@@ -32,7 +32,6 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from sldvexp.field.bounds.inverse import WholeInverse
 from sldvexp.field.bounds.pose_uncertainty import POSE, PoseEffect
 from sldvexp.field.bounds.residuals_and_bounds import FieldBounds
 from sldvexp.field.bounds.smooth_image import smooth_image
@@ -111,8 +110,7 @@ class InterceptTest:
         s = [std[:, None] ** 2 for std in parts.model.pixel_std]
         columns = SampleColumns.from_noise(effect, s)
         right, squares = columns.normal_equations(parts)
-        if system.is_small:
-            solve = WholeInverse.from_system(system, parts.model.parameters).times
+        solve = system.solved if system.is_small else solve
         theta = solution(right, system, solve)
         squares -= np.tensordot(right, theta, ([0, 1, 2], [0, 1, 2]))
         known = _chosen.get(system)
@@ -238,11 +236,7 @@ _chosen: WeakKeyDictionary[NormalEquations, ChosenIntercepts] = WeakKeyDictionar
 
 
 def _solved_for(chosen: Array, parameters: int, system: NormalEquations, solve: Solve) -> Array:
-    """Solve ``M x = P^T`` for the matrix P of intercepts; of a small system M^-1 is known."""
-    if system.is_small:
-        whole = WholeInverse.from_system(system, parameters).inverse
-        shape = (*chosen.shape[:2], parameters, chosen.shape[2])
-        return (whole[:, INTERCEPT::parameters] @ _columns(chosen)).reshape(shape)
+    """Solve ``M x = P^T`` for the matrix P of intercepts."""
     of_chosen = np.zeros((*chosen.shape[:2], parameters, chosen.shape[-1]))
     of_chosen[:, :, INTERCEPT] = chosen
     return solution(of_chosen, system, solve)

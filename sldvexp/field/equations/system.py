@@ -257,6 +257,14 @@ class NormalEquations:
         inverse: Array = scipy.linalg.lapack.dpotri(self._cholesky, lower=True)[0]
         return np.tril(inverse) + np.tril(inverse, -1).T
 
+    def solved(self, right: Array) -> Array:
+        """Solve for right-hand sides by a factor of `dense`, which must not be singular."""
+        assert self._cholesky is not None
+        flat = np.asfortranarray(right.reshape(len(self.dense), -1))
+        return np.reshape(
+            scipy.linalg.lapack.dpotrs(self._cholesky, flat, lower=True)[0], right.shape
+        )
+
     @cached_property
     def _cholesky(self) -> Array | None:
         """Lower Cholesky factor of `dense`; None if there is none."""
