@@ -62,9 +62,10 @@ def surface_rows(
         entry = np.flatnonzero(now[row])
         found = columns[reach.indices[entry], :, colour[row[entry]] - first]
         data[entry] = np.swapaxes(found, 1, 2)
-    _close(data, row, np.asarray(reach.indices, np.intp), last, system.surface_sums)
     size = nodes * block
-    return scipy.sparse.bsr_array((data, reach.indices, reach.indptr), shape=(size, size))
+    rows = scipy.sparse.bsr_array((data, reach.indices, reach.indptr), shape=(size, size))
+    _close(rows, row, last, system.surface_sums)
+    return rows
 
 
 @lru_cache(maxsize=1)
@@ -73,9 +74,9 @@ def _reach(graph: Graph, rings: int) -> tuple[scipy.sparse.csr_array, IndexArray
 
     A method's system and that of the least variance have one graph.
     """
-    reach = within(graph.neighbours, rings)
-    colour = colours(within(graph.neighbours, 2 * rings))
-    return reach, colour, _last_ring(reach, within(graph.neighbours, rings - 1))
+    inner = within(graph.neighbours, rings - 1)
+    reach = within_both(inner, graph.neighbours)
+    return reach, colours(within_both(reach, reach)), _last_ring(reach, inner)
 
 
 def _last_ring(reach: scipy.sparse.csr_array, inner: scipy.sparse.csr_array) -> BoolArray:
@@ -84,28 +85,32 @@ def _last_ring(reach: scipy.sparse.csr_array, inner: scipy.sparse.csr_array) -> 
     row = np.repeat(np.arange(nodes), np.diff(reach.indptr))
     key = row * nodes + reach.indices
     inner_row = np.repeat(np.arange(nodes), np.diff(inner.indptr))
-    last = ~np.isin(key, inner_row * nodes + inner.indices)
+    inner_key = inner_row * nodes + inner.indices  # sorted, as are those of both
+    at = np.minimum(np.searchsorted(inner_key, key), len(inner_key) - 1)
+    last = inner_key[at] != key
     alone = np.bincount(row, last, nodes) == 0
     return last | alone[row]
 
 
-def _close(data: Array, row: IndexArray, column: IndexArray, last: BoolArray, sums: Array) -> None:
+def _close(rows: scipy.sparse.bsr_array, row: IndexArray, last: BoolArray, sums: Array) -> None:
     """Give the last ring what rows lack to be exact for a constant, ``sum_m Z_nm s_m = 1``.
 
     Parameters
     ----------
-    data : ndarray, shape (entry, block, block)
-        Changed in place.
-    row, column : ndarray of int, shape (entry,)
+    rows : bsr_array
+        The matrix Z; changed in place.
+    row : ndarray of int, shape (entry,)
     last : ndarray of bool, shape (entry,)
     sums : ndarray, shape (node, block, block)
         Sums s of the matrix's blocks over its columns.
     """
-    starts = np.flatnonzero(np.diff(row, prepend=-1))
-    lacking = np.eye(data.shape[-1]) - np.add.reduceat(data @ sums[column], starts, axis=0)
-    whole = np.add.reduceat(sums[column] * last[:, None, None], starts, axis=0)
+    nodes, block, _ = sums.shape
+    lacking = np.eye(block) - (rows @ sums.reshape(-1, block)).reshape(sums.shape)
+    entries = last.astype(float), rows.indices, rows.indptr
+    ring = scipy.sparse.csr_array(entries, shape=(nodes, nodes))
+    whole = (ring @ sums.reshape(nodes, -1)).reshape(sums.shape)
     share = lacking @ np.linalg.pinv(whole, rcond=1e-10, hermitian=True)
-    data[last] += share[row[last]]
+    rows.data[last] += share[row[last]]
 
 
 def volume_rows(
@@ -201,6 +206,13 @@ def within(neighbours: scipy.sparse.csr_array, rings: int) -> scipy.sparse.csr_a
         rings //= 2
         power = (power @ power).astype(bool) if rings else power
     assert reached is not None
+    reached.sort_indices()
+    return reached
+
+
+def within_both(a: scipy.sparse.csr_array, b: scipy.sparse.csr_array) -> scipy.sparse.csr_array:
+    """Find the nodes that two ways, shape (node, node), lead to one after the other, sorted."""
+    reached = (a @ b).astype(bool)
     reached.sort_indices()
     return reached
 

@@ -55,6 +55,8 @@ class RowWeights:
         if not self.factor.strides[0] and not self.diagonal.any():  # the same at all samples
             factor = self.factor[:1]
             return np.asarray(self.sign[:, None, None] * ((np.swapaxes(factor, 1, 2) @ factor) @ x))
+        if not self.factor.shape[1]:
+            return np.asarray(self.diagonal[..., None] * x)
         # As arrays of their own, transposed matrices are multiplied three times as fast.
         transposed = np.ascontiguousarray(np.swapaxes(self.factor, 1, 2))
         of_factor = transposed @ (self.sign[:, None, None] * (self.factor @ x))
@@ -164,7 +166,9 @@ class RowModel:
             if len(left) < FEWEST_ROWS:
                 continue
             basis = np.linalg.svd(left, full_matrices=False)[2][: np.linalg.matrix_rank(left)]
-            rank[here] = rank_of(basis @ design[here], self.tolerance)
+            # All views span what any basis of them does.
+            turned = design[here] if len(basis) == views else basis @ design[here]
+            rank[here] = rank_of(turned, self.tolerance)
             rows[here] = len(left)
             found.append((here, self._weights(basis, left, valid[here], std[here])))
         if self.complete:
@@ -417,13 +421,13 @@ class FieldModel:
         """
         std = np.array([np.sqrt(np.mean(s[s > 0] ** 2)) for s in self.pixel_std])
         mean = np.broadcast_to(std / np.sqrt(self.variance), valid.shape)
-        variance, usual = _variance(solution, relative), _variance(solution, mean)
+        variance, usual = _variances(solution, relative, mean)
         # Seen by all and rows all alike: its own solution is the one by all.
         others = np.ones(len(valid), bool) if self.row_model.generalised else ~valid.all(axis=1)
         if others.any():
             seen = np.ones_like(valid[others])
             by_all = self.row_model.at(directions[others], seen, mean[others])
-            usual[others] = _variance(_solutions(by_all)[1], mean[others])
+            (usual[others],) = _variances(_solutions(by_all)[1], mean[others])
         ratio = np.divide(
             usual, variance, out=np.ones_like(usual), where=(usual > 0) & (variance > 0)
         )
@@ -474,10 +478,11 @@ def _inverse(matrices: Array) -> Array:
     return np.ascontiguousarray(np.moveaxis(inverse, -1, 0))
 
 
-def _variance(solution: Array, std: Array) -> Array:
-    """Average the variance of a sample's components, shape (sample,)."""
-    squares = np.square(solution[:, :AXES]).sum(axis=1)
-    return np.einsum("sk,sk->s", squares, std**2) / AXES
+def _variances(solution: Array, *stds: Array) -> list[Array]:
+    """Average the variance of a sample's components, shape (sample,), with each noise of views."""
+    components = solution[:, :AXES]
+    squares = np.einsum("spk,spk->sk", components, components)
+    return [np.einsum("sk,sk->s", squares, std**2) / AXES for std in stds]
 
 
 def _pixel_std(view: View) -> Array:

@@ -8,6 +8,7 @@ symmetric positive definite matrices and keeps their ordering.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -68,13 +69,15 @@ class KroneckerInverse:
 
     @classmethod
     def from_system(cls, system: NormalEquations) -> KroneckerInverse:
-        """Invert a system's means over depth.
+        """Invert a system's means over depth, or recall the inverse.
 
         Raises
         ------
         UserError
             If samples do not determine all layers, or all nodes of a layer.
         """
+        if system in _inverses:
+            return _inverses[system]
         pivots = np.linalg.eigvalsh(system.line)
         if not pivots[0] > SINGULAR * pivots[-1]:
             raise UserError(
@@ -89,7 +92,7 @@ class KroneckerInverse:
                 f"{_undetermined(system)} one by one; use more points in each triangle, as with "
                 "samples.triangle=3"
             ) from None
-        return cls(np.linalg.inv(system.line).astype(float), surface)
+        return _inverses.setdefault(system, cls(np.linalg.inv(system.line).astype(float), surface))
 
     def times(self, x: Array) -> Array:
         """Multiply ``(line (x) surface)^-1 x``; x as in `NormalEquations`."""
@@ -99,6 +102,10 @@ class KroneckerInverse:
         beside = flat.transpose(1, 0, 2).reshape(rows, layers * columns)
         done = solved(self.surface, beside).reshape(rows, layers, columns)
         return done.transpose(1, 0, 2).reshape(x.shape)
+
+
+#: Inverses of systems that are still there: the solver, bounds and condition numbers need one each.
+_inverses: WeakKeyDictionary[NormalEquations, KroneckerInverse] = WeakKeyDictionary()
 
 
 def _undetermined(system: NormalEquations) -> str:
