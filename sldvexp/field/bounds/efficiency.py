@@ -16,7 +16,6 @@ import numpy as np
 
 from sldvexp.errors import UserError
 from sldvexp.field.bounds.inverse import InverseRows, NearInverse, WholeInverse
-from sldvexp.field.bounds.sparse_inverse_rows import rings_of
 from sldvexp.field.equations.assembly import Equations
 from sldvexp.field.equations.regions import RegionIterator, RegionSamples
 from sldvexp.field.equations.sample_model import FieldModel
@@ -63,11 +62,10 @@ class LeastVariance:
                 return None
             return cls(parts, WholeInverse.from_system(system, parts.model.parameters))
         try:
-            near = NearInverse.from_system(system, rings_of(parts.visibility.rule))
+            near = NearInverse.from_system(system, parts)
         except UserError:
             return None
-        alone = replace(system, pairs=system.pairs[:0])
-        return cls(parts, replace(near, system=alone, odd=np.zeros_like(near.odd)))
+        return cls(parts, replace(near, odd=np.zeros_like(near.odd)))
 
     def of_part(self, part: RegionSamples) -> tuple[RegionSamples, InverseRows]:
         """Find the same part of its own model, and the rows of its inverse."""

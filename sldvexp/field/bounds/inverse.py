@@ -18,18 +18,20 @@ import numpy as np
 
 from sldvexp.field.bounds.compiled import CompiledKernels, kernels_for
 from sldvexp.field.bounds.sparse_inverse_rows import (
+    Surroundings,
     block_rows,
     diagonal_blocks,
+    rings_of,
     sums_of_squares,
     surface_rows,
     volume_rows,
     with_blocks,
 )
 from sldvexp.field.equations.elements import influences_by_layers, with_layers_apart
-from sldvexp.field.equations.regions import RegionSamples
+from sldvexp.field.equations.regions import RegionIterator, RegionSamples
 from sldvexp.field.equations.sample_model import AXES
 from sldvexp.field.equations.system import NormalEquations
-from sldvexp.field.solvers.kronecker import KroneckerInverse
+from sldvexp.field.solvers.kronecker import inverse_line, undetermined_nodes
 from sldvexp.lazy import scipy
 from sldvexp.typing import Array, BoolArray, IndexArray
 
@@ -131,8 +133,6 @@ class NearInverse:
     ----------
     line : ndarray, shape (layer, layer)
         The inverse of the line's matrix.
-    surface : bsr_array, shape (surface_node * block, surface_node * block)
-        Rows of the inverse of the surface's matrix.
     turn : ndarray, shape (layer, surface_node, block, block)
         ``N^-1 N_mean`` of a node's information and that of the Kronecker product there.
     odd : ndarray of bool, shape (surface_node,)
@@ -142,32 +142,38 @@ class NearInverse:
 
     system: NormalEquations
     line: Array
-    surface: scipy.sparse.bsr_array
     turn: Array
     odd: BoolArray
     rings: int
 
     @classmethod
-    def from_system(cls, system: NormalEquations, rings: int) -> NearInverse:
-        """Prepare the rows of a system's inverse."""
-        product = KroneckerInverse.from_system(system)
+    def from_system(cls, system: NormalEquations, parts: RegionIterator) -> NearInverse:
+        """Prepare the rows of a system's inverse.
+
+        Raises
+        ------
+        UserError
+            If samples do not determine all layers, or all nodes of a layer.
+        """
+        rings = rings_of(parts.visibility.rule)
+        line = inverse_line(system)
+        for own in parts.own_nodes():
+            try:
+                Surroundings.of_own(system.graph, own, rings).factor(system)
+            except RuntimeError:
+                raise undetermined_nodes(system) from None
         mean = system.line.sum(axis=1)[:, None, None, None] * system.surface_sums
         turn = _pseudo_inverse(system.lumped) @ mean
         far = _differ(turn).any(axis=0)
         odd = system.graph.neighbours @ far.astype(float) > 0
-        rows = surface_rows(system, product.surface, rings)
-        return cls(system, product.line, rows, turn, odd, rings)
+        return cls(system, line, turn, odd, rings)
 
     def of_part(self, part: RegionSamples) -> CoupledRows | ScalarRows:
         """Select the rows of a part's own nodes."""
         nodes, own = part.patch.nodes, part.region.own
         place = np.full(self.system.graph.nodes, -1)
         place[nodes] = np.arange(len(nodes))
-        surface = block_rows(self.surface, own)
-        shape = surface.shape[0], len(nodes) * self.system.block
-        surface = scipy.sparse.bsr_array(
-            (surface.data, place[surface.indices], surface.indptr), shape=shape
-        )
+        surface = surface_rows(self.system, own, place, self.rings)
         odd = np.flatnonzero(self.odd[own])
         volume = volume_rows(self.system, own[odd], place, self.rings)
         kind = ScalarRows if self.system.block == 1 else CoupledRows

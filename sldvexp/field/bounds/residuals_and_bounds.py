@@ -176,7 +176,7 @@ def noise_only(parts: RegionIterator, system: NormalEquations) -> Array:
     whole = (
         WholeInverse.from_system(system, model.parameters)
         if small
-        else NearInverse.from_system(system, rings)
+        else NearInverse.from_system(system, parts)
     )
     found = Bounds.empty(parts.visibility, model, np.zeros(len(model.pixel_std), int), 0)
     for part in parts.overlapping(rings, whole=small):
@@ -220,7 +220,7 @@ def with_bounds(
     whole = (
         WholeInverse.from_system(system, model.parameters)
         if small
-        else NearInverse.from_system(system, rings)
+        else NearInverse.from_system(system, parts)
     )
     least = np.full((*found.noise.shape[:2], 3), np.nan)
     errors: list[float] = [0.0] if small else []

@@ -9,6 +9,7 @@ Matrices are sparse, of small blocks; some operations on these that scipy lacks 
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -23,6 +24,9 @@ from sldvexp.volume import SampleRule
 #: Rings around a node that its row reaches: of samples that are a tensor product, and of others,
 #: whose matrices are worse conditioned and decay more slowly.
 RINGS, MORE_RINGS = 3, 4
+#: Rings beyond those, with whose matrix rows are solved for: what lies further away changes them by
+#: 0.27 to the power of 13, at most by a millionth of their last ring.
+RINGS_BEYOND = 5
 #: Colours whose columns are solved together.
 COLOURS_AT_ONCE = 32
 
@@ -32,63 +36,126 @@ def rings_of(rule: SampleRule) -> int:
     return MORE_RINGS if rule.triangle is None else RINGS
 
 
-def surface_rows(
-    system: NormalEquations, factor: scipy.sparse.linalg.SuperLU, rings: int
-) -> scipy.sparse.bsr_array:
-    """Compute rows of the inverse of the surface's matrix.
+@dataclass(frozen=True, eq=False)
+class Surroundings:
+    """Some own nodes of a surface, and those that rows of the inverse for these depend on.
 
-    Columns of nodes that are more than twice as far apart as rows reach do not meet, so that all
-    nodes of one colour are solved as one right-hand side.
+    Attributes
+    ----------
+    nodes : ndarray of int, shape (near,)
+        All of them, ascending.
+    own : ndarray of int
+        Places of the own ones in `nodes`.
+    entries : csr_array of int, shape (near, near)
+        Places of their blocks among the graph's.
+    reach : csr_array of bool, shape (own, near)
+        How far rows of the own ones reach.
+    last : ndarray of bool, shape (entry,)
+        Entries of `reach` that are in its last ring.
+    colour : ndarray of int, shape (own,)
+    """
+
+    nodes: IndexArray
+    own: IndexArray
+    entries: scipy.sparse.csr_array
+    reach: scipy.sparse.csr_array
+    last: BoolArray
+    colour: IndexArray
+
+    @classmethod
+    def of_own(cls, graph: Graph, own: IndexArray, rings: int) -> Surroundings:
+        """Find what is around some ascending nodes whose rows reach so many rings of neighbours.
+
+        A method's system and that of the least variance have one graph, so that the latest is kept.
+        """
+        return _surroundings(graph, np.asarray(own, np.intp).tobytes(), rings)
+
+    def factor(self, system: NormalEquations) -> scipy.sparse.linalg.SuperLU:
+        """Factorise what a system's surface has between these nodes.
+
+        Raises
+        ------
+        RuntimeError
+            If that is singular.
+        """
+        return factorised(self._matrix(system))
+
+    def firm_factor(self, system: NormalEquations) -> scipy.sparse.linalg.SuperLU:
+        """Factorise the same where a part of it may be singular."""
+        return _firmly_factorised(self._matrix(system))
+
+    def _matrix(self, system: NormalEquations) -> scipy.sparse.csc_array:
+        size, entries = len(self.nodes) * system.block, self.entries
+        blocks = system.surface_blocks[entries.data], entries.indices, entries.indptr
+        return scipy.sparse.csc_array(scipy.sparse.bsr_array(blocks, shape=(size, size)))
+
+
+@lru_cache(maxsize=1)
+def _surroundings(graph: Graph, own: bytes, rings: int) -> Surroundings:
+    of_own = np.frombuffer(own, np.intp)
+    nodes = graph.around(of_own, rings + RINGS_BEYOND)
+    entries = graph.entries[nodes][:, nodes]
+    entries.sort_indices()
+    ones = np.ones(len(entries.indices), bool)
+    neighbours = scipy.sparse.csr_array((ones, entries.indices, entries.indptr), entries.shape)
+    places = np.searchsorted(nodes, of_own)
+    inner = within(neighbours, places, rings - 1)
+    reach = within_both(inner, neighbours)
+    # Columns of nodes that are more than twice as far apart as rows reach do not meet.
+    colour = colours(within_both(reach, scipy.sparse.csr_array(reach.T)))
+    return Surroundings(nodes, places, entries, reach, _last_ring(reach, inner), colour)
+
+
+def surface_rows(
+    system: NormalEquations, own: IndexArray, place: IndexArray, rings: int
+) -> scipy.sparse.bsr_array:
+    """Compute rows of the inverse of the surface's matrix, of some nodes.
+
+    They are solved for with the matrix of what is near, all nodes of one colour as one right-hand
+    side, so that neither memory nor time of a node grows with the surface.
 
     Parameters
     ----------
-    factor : SuperLU
-        Of the surface's matrix.
+    own : ndarray of int, shape (own,)
+        Ascending.
+    place : ndarray of int, shape (surface_node,)
+        Where columns of the result stand.
 
     Returns
     -------
-    bsr_array, shape (surface_node * block, surface_node * block)
+    bsr_array, shape (own * block, place * block)
     """
-    nodes, block = system.graph.nodes, system.block
-    reach, colour, last = _reach(system.graph, rings)
-    row = np.repeat(np.arange(nodes), np.diff(reach.indptr))
+    around, block = Surroundings.of_own(system.graph, own, rings), system.block
+    factor, reach, colour = around.firm_factor(system), around.reach, around.colour
+    row, count = np.repeat(np.arange(len(own)), np.diff(reach.indptr)), len(around.nodes)
     data = np.empty((reach.nnz, block, block))
     for first in range(0, int(colour.max()) + 1, COLOURS_AT_ONCE):
         now = (colour >= first) & (colour < first + COLOURS_AT_ONCE)
         some = np.flatnonzero(now)
-        unit = np.zeros((nodes, block, int(colour[some].max()) + 1 - first, block))
-        unit[some, :, colour[some] - first] = np.eye(block)
-        columns = solved(factor, unit.reshape(nodes * block, -1)).reshape(unit.shape)
+        unit = np.zeros((count, block, int(colour[some].max()) + 1 - first, block))
+        unit[around.own[some], :, colour[some] - first] = np.eye(block)
+        columns = solved(factor, unit.reshape(count * block, -1)).reshape(unit.shape)
         entry = np.flatnonzero(now[row])
         found = columns[reach.indices[entry], :, colour[row[entry]] - first]
         data[entry] = np.swapaxes(found, 1, 2)
-    size = nodes * block
-    rows = scipy.sparse.bsr_array((data, reach.indices, reach.indptr), shape=(size, size))
-    _close(rows, row, last, system.surface_sums)
-    return rows
-
-
-@lru_cache(maxsize=1)
-def _reach(graph: Graph, rings: int) -> tuple[scipy.sparse.csr_array, IndexArray, BoolArray]:
-    """Find how far rows of all nodes reach, their colours, and entries of their last ring.
-
-    A method's system and that of the least variance have one graph.
-    """
-    inner = within(graph.neighbours, rings - 1)
-    reach = within_both(inner, graph.neighbours)
-    return reach, colours(within_both(reach, reach)), _last_ring(reach, inner)
+    near = scipy.sparse.bsr_array(
+        (data, reach.indices, reach.indptr), shape=(len(own) * block, count * block)
+    )
+    _close(near, row, around.last, system.surface_sums[around.nodes])
+    column = place[np.asarray(around.nodes[near.indices], np.intp)]
+    shape = len(own) * block, (int(place.max()) + 1) * block
+    return scipy.sparse.bsr_array((near.data, column, near.indptr), shape=shape)
 
 
 def _last_ring(reach: scipy.sparse.csr_array, inner: scipy.sparse.csr_array) -> BoolArray:
-    """Mark entries of `reach` that are not of `inner`; all, if there are no others."""
-    nodes = reach.shape[0]
-    row = np.repeat(np.arange(nodes), np.diff(reach.indptr))
-    key = row * nodes + reach.indices
-    inner_row = np.repeat(np.arange(nodes), np.diff(inner.indptr))
-    inner_key = inner_row * nodes + inner.indices  # sorted, as are those of both
+    """Mark entries of `reach` that are not of `inner`; all of a row without others."""
+    rows, columns = reach.shape
+    row = np.repeat(np.arange(rows), np.diff(reach.indptr))
+    inner_row = np.repeat(np.arange(rows), np.diff(inner.indptr))
+    key, inner_key = row * columns + reach.indices, inner_row * columns + inner.indices  # sorted
     at = np.minimum(np.searchsorted(inner_key, key), len(inner_key) - 1)
     last = inner_key[at] != key
-    alone = np.bincount(row, last, nodes) == 0
+    alone = np.bincount(row, last, rows) == 0
     return last | alone[row]
 
 
@@ -105,10 +172,10 @@ def _close(rows: scipy.sparse.bsr_array, row: IndexArray, last: BoolArray, sums:
         Sums s of the matrix's blocks over its columns.
     """
     nodes, block, _ = sums.shape
-    lacking = np.eye(block) - (rows @ sums.reshape(-1, block)).reshape(sums.shape)
+    lacking = np.eye(block) - (rows @ sums.reshape(-1, block)).reshape(-1, block, block)
     entries = last.astype(float), rows.indices, rows.indptr
-    ring = scipy.sparse.csr_array(entries, shape=(nodes, nodes))
-    whole = (ring @ sums.reshape(nodes, -1)).reshape(sums.shape)
+    ring = scipy.sparse.csr_array(entries, shape=(len(lacking), nodes))
+    whole = (ring @ sums.reshape(nodes, -1)).reshape(lacking.shape)
     share = lacking @ np.linalg.pinv(whole, rcond=1e-10, hermitian=True)
     rows.data[last] += share[row[last]]
 
@@ -131,7 +198,7 @@ def volume_rows(
     bsr_array, shape (layer * some * block, layer * place * block)
     """
     layers, block, graph = system.layers, system.block, system.graph
-    reach = within(graph.neighbours, rings)[nodes]
+    reach = within(graph.neighbours, nodes, rings)
     data, indices, count = [], [], int(place.max()) + 1
     for node, first, last in zip(nodes, reach.indptr[:-1], reach.indptr[1:], strict=True):
         near = np.asarray(reach.indices[first:last], np.intp)
@@ -151,29 +218,28 @@ def volume_rows(
             layers, block, -1
         )
         matrix = dense.transpose(0, 2, 4, 1, 3, 5).reshape(size, size)
-        columns = solved(_factorised(matrix), right.reshape(size, -1))
+        factor = _firmly_factorised(scipy.sparse.csc_array(matrix))
+        columns = solved(factor, right.reshape(size, -1))
         data.append(columns.reshape(-1, block, layers, block).transpose(2, 0, 3, 1))
         indices.append((place[near] + count * np.arange(layers)[:, None]).ravel())
     return _assembled(data, indices, layers, (len(nodes), count), block)
 
 
-def _factorised(matrix: Array) -> scipy.sparse.linalg.SuperLU:
+def _firmly_factorised(matrix: scipy.sparse.csc_array) -> scipy.sparse.linalg.SuperLU:
     """Factorise what is near; what nothing determines there is held, as in the whole matrix."""
     try:
-        return factorised(scipy.sparse.csc_array(matrix))
+        return factorised(matrix)
     except RuntimeError:
-        return factorised(
-            scipy.sparse.csc_array(matrix + HOLD * np.diagonal(matrix).mean() * np.eye(len(matrix)))
-        )
+        held = HOLD * matrix.diagonal().mean() * scipy.sparse.eye_array(matrix.shape[0])
+        return factorised(scipy.sparse.csc_array(matrix + held))
 
 
 def _blocks_of(system: NormalEquations, near: IndexArray) -> Array:
     """Take the blocks of some nodes, shape (gap, 3, near, near, block, block)."""
     graph = system.graph
     key = near[:, None] * graph.nodes + near
-    keys = graph.row * graph.nodes + graph.indices
-    entry = np.minimum(np.searchsorted(keys, key), len(keys) - 1)
-    there = keys[entry] == key
+    entry = np.minimum(np.searchsorted(graph.keys, key), len(graph.keys) - 1)
+    there = graph.keys[entry] == key
     return system.pairs[:, :, entry] * there[..., None, None]
 
 
@@ -191,27 +257,30 @@ def _assembled(
     return scipy.sparse.bsr_array(entries, shape=size)
 
 
-def within(neighbours: scipy.sparse.csr_array, rings: int) -> scipy.sparse.csr_array:
-    """Find the nodes within so many rings of each, itself among them, sorted.
+def within(
+    neighbours: scipy.sparse.csr_array, nodes: IndexArray, rings: int
+) -> scipy.sparse.csr_array:
+    """Find the nodes within so many rings of some, these among them, sorted.
 
     Parameters
     ----------
     neighbours : csr_array of bool, shape (node, node)
         With every node its own neighbour.
+    nodes : ndarray of int, shape (some,)
+
+    Returns
+    -------
+    csr_array of bool, shape (some, node)
     """
-    reached, power = None, neighbours
-    while rings:
-        if rings % 2:
-            reached = power if reached is None else (reached @ power).astype(bool)
-        rings //= 2
-        power = (power @ power).astype(bool) if rings else power
-    assert reached is not None
+    reached = neighbours[nodes]
+    for _ in range(rings - 1):
+        reached = (reached @ neighbours).astype(bool)
     reached.sort_indices()
     return reached
 
 
 def within_both(a: scipy.sparse.csr_array, b: scipy.sparse.csr_array) -> scipy.sparse.csr_array:
-    """Find the nodes that two ways, shape (node, node), lead to one after the other, sorted."""
+    """Find the nodes that two ways lead to one after the other, sorted."""
     reached = (a @ b).astype(bool)
     reached.sort_indices()
     return reached

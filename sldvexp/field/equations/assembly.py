@@ -80,8 +80,13 @@ def normal_equations(parts: RegionIterator, data: list[Array]) -> Equations:
 
 
 def joint_equations(each: Sequence[RegionIterator], data: Sequence[list[Array]]) -> list[Equations]:
-    """Set up the normal equations of several models of the same samples, looked at once."""
-    sums = [EquationSums(parts, of) for parts, of in zip(each, data, strict=True)]
+    """Set up the normal equations of several models of the same samples, looked at once.
+
+    Those of the first are to be solved. Of the others, if they are large, what their nearest
+    Kronecker product needs is enough, which takes far less memory.
+    """
+    pairs = zip(each, data, strict=True)
+    sums = [EquationSums(parts, of, to_solve=not k) for k, (parts, of) in enumerate(pairs)]
     for part in each[0].disjoint():
         for of_model in sums:
             of_model.add(of_model.parts.of_region(part))
@@ -95,14 +100,18 @@ class EquationSums:
     ----------
     data : list of ndarray, shape (pixel, column), m/s
         See `normal_equations`.
+    to_solve : bool
+        Whether all of the matrix is wanted even of a large system; see `Assembly`.
     """
 
-    def __init__(self, parts: RegionIterator, data: list[Array]) -> None:
+    def __init__(self, parts: RegionIterator, data: list[Array], to_solve: bool = True) -> None:
         prisms, model = parts.visibility.prisms, parts.model
         shape = (prisms.layers, prisms.surface_nodes, model.parameters)
         self.parts, self.data = parts, data
         self.one_by_one = model.contravariant
-        self.assembly = Assembly(parts.graph, parts.visibility.rule, prisms.layers, model.block)
+        self.assembly = Assembly(
+            parts.graph, parts.visibility.rule, prisms.layers, model.block, whole=to_solve
+        )
         self.right = np.zeros((*shape, data[0].shape[1]))
         self.ranked, self.whole = np.zeros(shape), np.zeros(shape)
         self.complete = np.zeros(shape)

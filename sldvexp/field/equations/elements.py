@@ -69,6 +69,24 @@ class Graph:
         """Places of the blocks of a node with itself, shape (surface_node,)."""
         return np.flatnonzero(self.indices == self.row)
 
+    @cached_property
+    def keys(self) -> IndexArray:
+        """Row and column of each entry of `indices` as one number, ascending."""
+        return self.row * self.nodes + self.indices
+
+    @cached_property
+    def entries(self) -> scipy.sparse.csr_array:
+        """Place of each block among `indices`, shape (node, node), int."""
+        places = np.arange(len(self.indices))
+        size = (self.nodes, self.nodes)
+        return scipy.sparse.csr_array((places, self.indices, self.indptr), shape=size)
+
+    def around(self, nodes: IndexArray, rings: int) -> IndexArray:
+        """Take so many rings of neighbours to some ascending nodes; all of them, ascending."""
+        for _ in range(rings):
+            nodes = np.unique(self.neighbours[nodes].indices)
+        return nodes
+
 
 @dataclass(frozen=True, eq=False)
 class Patch:

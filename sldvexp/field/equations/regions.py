@@ -47,13 +47,13 @@ class SurfaceRegions:
 
     Parameters
     ----------
-    neighbours : csr_array of bool, shape (surface_node, surface_node)
-        Nodes that share a triangle, a node with itself as well.
+    graph : Graph
+        Of nodes that share a triangle.
     touching : csr_array of bool, shape (surface_node, triangle)
     """
 
     prisms: Prisms
-    neighbours: scipy.sparse.csr_array
+    graph: Graph
     touching: scipy.sparse.csr_array
 
     @classmethod
@@ -62,13 +62,11 @@ class SurfaceRegions:
         nodes, count = prisms.surface_nodes, len(prisms.triangles)
         corner = prisms.triangles.ravel(), np.repeat(np.arange(count), 3)
         touching = scipy.sparse.csr_array((np.ones(3 * count, bool), corner), shape=(nodes, count))
-        return cls(prisms, graph.neighbours, touching)
+        return cls(prisms, graph, touching)
 
     def around(self, own: IndexArray, rings: int) -> Region:
         """Find the region of these nodes."""
-        support = own
-        for _ in range(rings):
-            support = np.unique(self.neighbours[support].indices)
+        support = self.graph.around(own, rings)
         return Region(own, support, np.unique(self.touching[support].indices).astype(np.intp))
 
     def of_own(self, own: IndexArray) -> Region:
@@ -209,7 +207,7 @@ class RegionIterator:
         if self._fits:
             yield self._whole
             return
-        for own in self.surface.parts(self._largest):
+        for own in self.own_nodes():
             yield RegionSamples.from_region(self.visibility, self.model, self.surface.of_own(own))
 
     def overlapping(self, rings: int, whole: bool) -> Iterator[RegionSamples]:
@@ -225,10 +223,17 @@ class RegionIterator:
         if whole or self._fits:
             yield self._whole
             return
-        for own in self.surface.parts(self._largest):
+        for own in self.own_nodes():
             yield RegionSamples.from_region(
                 self.visibility, self.model, self.surface.around(own, rings)
             )
+
+    def own_nodes(self) -> Iterator[IndexArray]:
+        """Go through the surface nodes of the regions, every node once."""
+        if self._fits:
+            yield np.arange(self.visibility.prisms.surface_nodes)
+        else:
+            yield from self.surface.parts(self._largest)
 
     @cached_property
     def _whole(self) -> RegionSamples:

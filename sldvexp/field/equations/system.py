@@ -17,7 +17,7 @@ import numpy as np
 
 from sldvexp.field.equations.elements import Graph, Patch
 from sldvexp.lazy import scipy
-from sldvexp.typing import Array, BoolArray
+from sldvexp.typing import Array, BoolArray, IndexArray
 from sldvexp.volume import SampleRule
 
 #: From real right-hand sides (layer, surface_node, block, column) to the solutions.
@@ -56,12 +56,19 @@ class Assembly:
     ----------
     block : int
         Unknowns of a node that M couples.
+    whole : bool
+        Whether the blocks of each gap are wanted even of a large system, and not their mean alone;
+        those of a small one always are.
     """
 
-    def __init__(self, graph: Graph, rule: SampleRule, layers: int, block: int):
+    def __init__(
+        self, graph: Graph, rule: SampleRule, layers: int, block: int, *, whole: bool = True
+    ) -> None:
         self.graph, self.rule, self.layers, self.block = graph, rule, layers, block
-        size = (layers - 1, 3, len(graph.indices), block, block)
+        self.whole = whole or is_small(layers * graph.nodes * block)
+        size = (layers - 1 if self.whole else 1, 3, len(graph.indices), block, block)
         self.pairs = np.zeros(size)
+        self.lumped = None if self.whole else np.zeros((layers, graph.nodes, block, block))
         self.uniform = rule.triangle is not None
 
     def add(self, patch: Patch, information: Array) -> None:
@@ -81,11 +88,18 @@ class Assembly:
         corners = which.reshape(triangles, 9).T.ravel()  # (corner, corner, triangle)
         entries = np.ones(len(corners)), (corners, np.arange(len(corners)))
         at_entries = scipy.sparse.csr_array(entries, shape=(len(place), len(corners)))
+        row = self.graph.row[place]
+        starts = np.flatnonzero(np.diff(row, prepend=-1))
         for gap in range(gaps):
             each = np.tensordot(coefficients, here[gap], axes=(1, 1))
             for pair, blocks in enumerate(each.reshape(3, 9 * triangles, square)):
                 sums = (at_entries @ blocks).reshape(-1, self.block, self.block)
-                self.pairs[gap, pair, place] += sums
+                if self.lumped is None:
+                    self.pairs[gap, pair, place] += sums
+                    continue
+                self.pairs[0, pair, place] += sums / gaps
+                for layer in {gap + i for i in PAIRS[pair]}:
+                    self.lumped[layer, row[starts]] += np.add.reduceat(sums, starts, axis=0)
 
     def _same_at_all_depths(self, information: Array) -> bool:
         gaps, triangles, _, square = information.shape
@@ -104,18 +118,37 @@ class Assembly:
         ranked : ndarray of bool, shape (layer, surface_node)
             Nodes around which enough samples determine something.
         """
-        lumped = _row_sums(self.graph, self.pairs)
+        lumped = _row_sums(self.graph, self.pairs) if self.lumped is None else self.lumped
         trace = np.trace(lumped, axis1=-2, axis2=-1)
         active = trace > 0
         size = trace[active].mean() / self.block if active.any() else 1.0
         for layer in range(self.layers):
-            gap, k = (layer, 0) if layer < self.layers - 1 else (layer - 1, 2)
             for some, part in ((~active[layer], 1.0), (active[layer] & ~ranked[layer], HOLD)):
                 held = self.graph.diagonal[some]
-                self.pairs[gap, k, held] += part * size * np.eye(self.block)
+                hold(self.pairs, self.layers, (layer, held), part * size * np.eye(self.block))
         line = line_matrix(self.rule, self.layers)
         exact = self.uniform and bool(ranked.all())
         return NormalEquations(self.graph, self.pairs, line, lumped, active, exact)
+
+
+def is_small(unknowns: int) -> bool:
+    """Tell whether a system of so many unknowns is looked at as a whole."""
+    return unknowns <= SMALL
+
+
+def hold(pairs: Array, layers: int, where: tuple[int, IndexArray | np.intp], blocks: Array) -> None:
+    """Add to diagonal blocks of M, in a layer at places among the entries.
+
+    Parameters
+    ----------
+    pairs : ndarray, shape (gap or 1, 3, entry, block, block)
+        As of `NormalEquations`; changed in place.
+    """
+    (layer, entry), gaps = where, layers - 1
+    gap, k = (layer, 0) if layer < gaps else (layer - 1, 2)
+    if len(pairs) < gaps:  # a mean over the gaps
+        gap, blocks = 0, blocks / gaps
+    pairs[gap, k, entry] += blocks
 
 
 def _row_sums(graph: Graph, pairs: Array) -> Array:
@@ -141,8 +174,9 @@ class NormalEquations:
 
     Attributes
     ----------
-    pairs : ndarray, shape (gap, 3, entry, block, block)
-        The surface matrices S of the pairs of layers, entries as in `graph`.
+    pairs : ndarray, shape (gap or 1, 3, entry, block, block)
+        The surface matrices S of the pairs of layers, entries as in `graph`; their mean over the
+        gaps where the nearest Kronecker product alone is wanted.
     line : ndarray, shape (layer, layer)
     lumped : ndarray, shape (layer, surface_node, block, block)
         Information that the samples around a node have, ``sum_s phi N_s``.
@@ -231,7 +265,7 @@ class NormalEquations:
     @property
     def is_small(self) -> bool:
         """Whether `dense` and `inverse` are cheap."""
-        return self.nodes * self.block <= SMALL
+        return is_small(self.nodes * self.block)
 
     @cached_property
     def dense(self) -> Array:

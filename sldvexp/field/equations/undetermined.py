@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from sldvexp.errors import UserError
 from sldvexp.field.equations.assembly import SMALLEST_PART, Equations
-from sldvexp.field.equations.system import HOLD, NormalEquations, Solve
+from sldvexp.field.equations.system import HOLD, NormalEquations, Solve, hold
 from sldvexp.field.solvers.base import Solver
 from sldvexp.field.visibility.coverage import flagged
 from sldvexp.reconstruction.observability import (
@@ -175,7 +175,7 @@ def constrain_undetermined(system: NormalEquations, found: Observability) -> Nor
 
     A system that does not couple the components is held at nodes that have lost all of them.
     """
-    count, last = system.graph.nodes, system.layers - 1
+    count = system.graph.nodes
     size = np.trace(system.lumped[system.active], axis1=-2, axis2=-1).mean() / system.block
     pairs = system.pairs.copy()
     for node, rank, direction in zip(found.node, found.rank, found.direction, strict=True):
@@ -187,8 +187,7 @@ def constrain_undetermined(system: NormalEquations, found: Observability) -> Nor
         if system.block > 3 and not found.determined[node, 3]:
             lost[3, 3] = 1.0
         layer, place = divmod(int(node), count)
-        gap, k = (layer, 0) if layer < last else (last - 1, 2)
-        pairs[gap, k, system.graph.diagonal[place]] += HOLD * size * lost
+        hold(pairs, system.layers, (layer, system.graph.diagonal[place]), HOLD * size * lost)
     return replace(system, pairs=pairs, exact=False)
 
 

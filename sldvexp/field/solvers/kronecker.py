@@ -38,6 +38,8 @@ def factorised(matrix: scipy.sparse.csc_array) -> scipy.sparse.linalg.SuperLU:
         matrix, "MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options
     )
     pivots = np.abs(factor.U.diagonal())
+    for copied in (factor.L, factor.U):  # else it keeps copies, which take as much as itself
+        copied.data, copied.indices = np.empty(0), np.empty(0, np.int32)
     if not pivots.min() > SINGULAR * pivots.max():
         raise RuntimeError("the matrix is singular")
     return factor
@@ -78,21 +80,12 @@ class KroneckerInverse:
         """
         if system in _inverses:
             return _inverses[system]
-        pivots = np.linalg.eigvalsh(system.line)
-        if not pivots[0] > SINGULAR * pivots[-1]:
-            raise UserError(
-                "field: samples through the thickness of each prism do not determine the layers "
-                "above and below them one by one; use samples.line=2 or more"
-            )
+        line = inverse_line(system)
         try:
             surface = factorised(scipy.sparse.csc_array(system.surface))
         except RuntimeError:
-            raise UserError(
-                "field: the samples are too few to determine the surface nodes "
-                f"{_undetermined(system)} one by one; use more points in each triangle, as with "
-                "samples.triangle=3"
-            ) from None
-        return _inverses.setdefault(system, cls(np.linalg.inv(system.line).astype(float), surface))
+            raise undetermined_nodes(system) from None
+        return _inverses.setdefault(system, cls(line, surface))
 
     def times(self, x: Array) -> Array:
         """Multiply ``(line (x) surface)^-1 x``; x as in `NormalEquations`."""
@@ -106,6 +99,31 @@ class KroneckerInverse:
 
 #: Inverses of systems that are still there: the solver, bounds and condition numbers need one each.
 _inverses: WeakKeyDictionary[NormalEquations, KroneckerInverse] = WeakKeyDictionary()
+
+
+def inverse_line(system: NormalEquations) -> Array:
+    """Invert the line's matrix, shape (layer, layer).
+
+    Raises
+    ------
+    UserError
+        If samples do not determine all layers.
+    """
+    pivots = np.linalg.eigvalsh(system.line)
+    if not pivots[0] > SINGULAR * pivots[-1]:
+        raise UserError(
+            "field: samples through the thickness of each prism do not determine the layers "
+            "above and below them one by one; use samples.line=2 or more"
+        )
+    return np.linalg.inv(system.line).astype(float)
+
+
+def undetermined_nodes(system: NormalEquations) -> UserError:
+    """Say that samples do not determine all nodes of a surface, and which not."""
+    return UserError(
+        f"field: the samples are too few to determine the surface nodes {_undetermined(system)} "
+        "one by one; use more points in each triangle, as with samples.triangle=3"
+    )
 
 
 def _undetermined(system: NormalEquations) -> str:
