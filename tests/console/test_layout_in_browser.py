@@ -61,8 +61,9 @@ def test_all_that_is_used_to_aim_stands_in_the_window(served, size):
     try:
         used = (*USED, "camera-box") if size == LAPTOP else USED
         for name, (left, top, right, bottom) in page.js(BOXES, used).items():
-            assert left >= 0 and right <= size[0], name
-            assert top >= 0 and bottom <= size[1], name
+            assert min(left, top) >= 0, name
+            assert right <= size[0], name
+            assert bottom <= size[1], name
         pictured(page, f"fits-{size[0]}")
     finally:
         page.close()
@@ -80,7 +81,10 @@ def test_counts_of_marks_and_bounds_move_nothing(served, size):
             page.mark()
             assert (page.js(BOXES, USED), page.js(VIEWS)) == before
         page.until(lambda: "≤" in page.text("marks"))
-        wide = "const t = document.getElementById('marks'); return t.scrollWidth <= t.parentNode.clientWidth"
+        wide = (
+            "const t = document.getElementById('marks');"
+            "return t.scrollWidth <= t.parentNode.clientWidth"
+        )
         assert page.js(wide)
         tall = "return document.querySelector('#marks thead').getBoundingClientRect().height"
         assert page.js(tall) < 30
