@@ -23,7 +23,7 @@ import numpy as np
 from sldvexp.config.experiment import Experiment
 from sldvexp.console.marks import CIRCLE, CORNER, FIDUCIAL, Name, Steps, configured, parts_of
 from sldvexp.console.misfit import MarkMisfit, misfits_of
-from sldvexp.console.spots import Pattern, SpotsSeen, assign
+from sldvexp.console.spots import CirclePattern, SpotsSeen, assign
 from sldvexp.errors import UserError
 from sldvexp.geometry import KnownPose, euler_from_rotation, rotation_from_euler
 from sldvexp.laser import beyond_told, corrected_pose, dac_jacobian, dac_of_points
@@ -245,7 +245,7 @@ class Outlook:
         area = np.array([_area(predicted_steps([likely], r, self.laser)[0]) for r in self.rims])
         marked = np.array([name in known for name in circles])
         rows = jacobian[marked].reshape(-1, 6) / self._pointing()
-        pattern = Pattern(dac, jacobian, area, np.diag(ROUGH**-2.0) + rows.T @ rows)
+        pattern = CirclePattern(dac, jacobian, area, np.diag(ROUGH**-2.0) + rows.T @ rows)
         found = assign(pattern, spots, seen)
         sure = {
             circles[k]: (spots[j].dac, float(np.hypot(spots[j].std, self._pointing())))

@@ -41,7 +41,7 @@ ROUNDS = 3
 
 
 @dataclass(frozen=True, eq=False)
-class Spot:
+class LookSpot:
     """What moves together in a look.
 
     Parameters
@@ -65,13 +65,13 @@ class LookedAt:
     Parameters
     ----------
     low, high : ndarray, shape (2,), steps
-    spots : list of Spot
+    spots : list of LookSpot
         Those that lie wholly in it.
     """
 
     low: Array
     high: Array
-    spots: list[Spot]
+    spots: list[LookSpot]
 
     def has(self, dac: Array) -> bool:
         """Tell whether a place lies in the region."""
@@ -116,7 +116,7 @@ class SpotsSeen:
         return True
 
     @property
-    def spots(self) -> list[Spot]:
+    def spots(self) -> list[LookSpot]:
         """Spots that no later look has looked at again."""
         return [
             spot
@@ -130,7 +130,7 @@ class SpotsSeen:
         return any(look.has(dac) for look in self.looks)
 
 
-def spots_of(dac: IntArray, value: Array, flags: Array, cell: int) -> Iterator[Spot]:
+def spots_of(dac: IntArray, value: Array, flags: Array, cell: int) -> Iterator[LookSpot]:
     """Find the spots of a look of one fineness that do not reach its edge.
 
     Examples
@@ -155,11 +155,11 @@ def spots_of(dac: IntArray, value: Array, flags: Array, cell: int) -> Iterator[S
         weight = amplitude[up, left]
         places = np.stack([rows[up], columns[left]], axis=1)
         middle = np.average(places, axis=0, weights=weight)
-        yield Spot(np.asarray(middle), float(len(up)) * cell**2, CELLS * cell)
+        yield LookSpot(np.asarray(middle), float(len(up)) * cell**2, CELLS * cell)
 
 
 @dataclass(frozen=True, eq=False)
-class Pattern:
+class CirclePattern:
     """Circles as a rough pose predicts them.
 
     Parameters
@@ -179,7 +179,7 @@ class Pattern:
 
 
 @dataclass(frozen=True)
-class Assignment:
+class SpotAssignment:
     """Spots of circles.
 
     Parameters
@@ -194,10 +194,10 @@ class Assignment:
     open: Mapping[int, int]
 
 
-def assign(pattern: Pattern, spots: Sequence[Spot], seen: SpotsSeen) -> Assignment:
+def assign(pattern: CirclePattern, spots: Sequence[LookSpot], seen: SpotsSeen) -> SpotAssignment:
     """Say which spot is which circle, and of which circles that is open."""
     if not spots or not len(pattern.dac):
-        return Assignment({}, {})
+        return SpotAssignment({}, {})
     place = np.array([spot.dac for spot in spots])
     area = np.array([spot.area for spot in spots])
     ratio = area[None] / pattern.area[:, None]
@@ -211,20 +211,20 @@ def assign(pattern: Pattern, spots: Sequence[Spot], seen: SpotsSeen) -> Assignme
         key = tuple(settled.tolist())
         found[key] = min(cost, found.get(key, np.inf))
     if not found:
-        return Assignment({}, {})
+        return SpotAssignment({}, {})
     best = min(found, key=lambda key: found[key])
     rivals = [key for key, cost in found.items() if cost < found[best] + OPEN]
     choices = [{key[k] for key in rivals} for k in range(len(best))]
     unsure = {k: len(each - {-1}) for k, each in enumerate(choices) if len(each) > 1}
     sure = {k: spot for k, spot in enumerate(best) if spot >= 0 and k not in unsure}
-    return Assignment(sure, unsure)
+    return SpotAssignment(sure, unsure)
 
 
 @dataclass(frozen=True, eq=False)
 class _Fit:
     """Estimate of the pose's error from some circles whose spots are known."""
 
-    pattern: Pattern
+    pattern: CirclePattern
     place: Array
     std: Array
     alike: NDArray[np.bool_]

@@ -12,7 +12,7 @@ from sldvexp.console.bench import AimingBench
 from sldvexp.console.board import NoticeBoard
 from sldvexp.console.marks import wanted
 from sldvexp.console.outlook import Outlook
-from sldvexp.console.spots import LookedAt, Spot, SpotsSeen
+from sldvexp.console.spots import LookedAt, LookSpot, SpotsSeen
 from sldvexp.geometry import KnownPose, euler_from_rotation, rotation_from_vector
 from sldvexp.virtual_lab.lab import VirtualLab
 from tests.console.two_faces import made
@@ -111,7 +111,9 @@ def seen_by(true, area, low, high, rng):
     cell, half = (high - low).max() / 128, np.sqrt(area / np.pi)[:, None]
     inside = np.all((true - half > low) & (true + half < high), axis=1)
     spots = [
-        Spot(place + 0.3 * cell * rng.standard_normal(2), size * rng.uniform(0.7, 1.4), 0.4 * cell)
+        LookSpot(
+            place + 0.3 * cell * rng.standard_normal(2), size * rng.uniform(0.7, 1.4), 0.4 * cell
+        )
         for place, size in zip(true[inside], area[inside], strict=True)
     ]
     return SpotsSeen([LookedAt(low, high, spots)])
