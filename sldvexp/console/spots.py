@@ -138,7 +138,7 @@ def spots_of(dac: IntArray, value: Array, flags: Array, cell: int) -> Iterator[L
     >>> dac = np.stack(np.meshgrid(range(0, 90, 10), range(0, 90, 10)), axis=-1).reshape(-1, 2)
     >>> value = np.exp(-((dac - [32, 50]) ** 2).sum(axis=1) / 200)
     >>> [(spot.dac.round().tolist(), spot.area) for spot in spots_of(dac, value, value < 0, 10)]
-    [([32.0, 50.0], 1100.0)]
+    [([32.0, 50.0], 1000.0)]
     """
     rows, row = np.unique(dac[:, 0], return_inverse=True)
     columns, column = np.unique(dac[:, 1], return_inverse=True)
