@@ -128,3 +128,31 @@ def test_drawing_shows_all_faces_with_numbers_that_cover_nothing(served):
             pictured(page, f"drawn-{known}")
     finally:
         page.close()
+
+
+#: Tells of one view, of two, of these again after the first was chosen; what is shown each time.
+PANE = """
+const told = (names) => names.map((name) => ({name, told: [`Pose of ${name}`]}));
+const shown = () => [...document.querySelectorAll('#views-lists ul')]
+  .filter((list) => !list.hidden).map((list) => list.textContent);
+return import('./scan.js').then(({Scan}) => {
+  const scan = new Scan({wish() {}, choose() {}}), found = [];
+  for (const names of [['1'], ['1', '2']]) { scan.done(told(names)); found.push(shown()); }
+  document.querySelector('#views-told button').click();
+  found.push(shown());
+  scan.done(told(['1', '2']));
+  found.push(shown());
+  scan.done(told(['1', '2', '3']));
+  found.push(shown());
+  return found;
+});
+"""
+
+
+def test_pane_follows_the_view_that_was_done_last_and_shows_others_on_a_click(served):
+    page = opened(served, LAPTOP)
+    try:
+        shown = page.js(PANE)
+        assert shown == [[f"Pose of {view}"] for view in ("1", "2", "1", "1", "3")]
+    finally:
+        page.close()
