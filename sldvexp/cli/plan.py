@@ -39,6 +39,8 @@ OPTIONS = COMMAND_HELP["plan"].options
 #: What is planned, by the word behind the command.
 ACTIONS = ("next", "check")
 USUAL_NAME = "planned"
+#: How a setting begins that chooses an experiment.
+CHOICES = ("experiment=", "+experiment=")
 #: Folder of the figures beside the experiments.
 FIGURES = "figures"
 
@@ -93,6 +95,7 @@ def run(
         name,
         replace=experiment.overwrite,
         config_dir=config_dir,
+        base=next((s.partition("=")[2] for s in settings if s.startswith(CHOICES)), ""),
     )
     drawn = planner.figure.draw(found)
     written += save(drawn, Path(to) / FIGURES / name, formats=USUAL)

@@ -21,6 +21,7 @@ from sldvexp.config.experiment import Experiment
 from sldvexp.console.board import NoticeBoard
 from sldvexp.console.drawing import drawn_layout
 from sldvexp.console.marks import (
+    CIRCLE,
     CORNER,
     CORNERS,
     AimedMarks,
@@ -30,7 +31,9 @@ from sldvexp.console.marks import (
     view_names,
     wanted,
 )
-from sldvexp.console.outlook import Outlook
+from sldvexp.console.outlook import Foresight, Outlook
+from sldvexp.console.spots import SpotsSeen
+from sldvexp.console.wishes import Wish, pair_of, text_of
 from sldvexp.errors import UserError
 from sldvexp.instrument import Acquisition, Instrument, InstrumentError, RawSamples
 from sldvexp.instrument import bench as aids
@@ -41,8 +44,6 @@ from sldvexp.signal import Flag, SignalEstimator
 from sldvexp.signal.sine_fit import SineFit
 from sldvexp.stopping import undisturbed
 from sldvexp.typing import Array, IntArray
-
-Wish = dict[str, Any]
 
 #: Wishes that follow another one, which may have failed: the page's, not the person's.
 FOLLOWS = ("release", "kind")
@@ -68,8 +69,8 @@ MILLI = 1e3
 HOME = "the mirrors are home and the generator is off"
 #: Place of the reference among the channels.
 REFERENCE = CHANNELS.index("reference")
-#: Numbers of spots at most, and steps that no board has.
-MOST_SPOTS, BEYOND = 10_000, 2**20
+#: Numbers of spots at most.
+MOST_SPOTS = 10_000
 
 
 class AimingBench:
@@ -100,6 +101,7 @@ class AimingBench:
         self.wanted = wanted(experiment)
         self._signal: SignalEstimator = experiment.signal or SineFit()
         self.outlook = Outlook(experiment, self.wanted)
+        self.spots: dict[str, SpotsSeen] = {}
         self.kind = next(iter(self.wanted), "")
         self.beam: Steps = (0, 0)
         self.steered = self.used = False
@@ -183,12 +185,16 @@ class AimingBench:
 
     def settings(self) -> dict[str, Any]:
         """Make the part ``scan`` of a configuration of what was aimed; empty if nothing was."""
-        ahead = {view: self.outlook.of(self.marks.of(view), view).predicted for view in self.views}
+        ahead = {view: self.foresight(view).predicted for view in self.views}
         return self.marks.settings(self.experiment, ahead)
+
+    def foresight(self, view: str) -> Foresight:
+        """Tell what the marks of a view tell, its rough pose, and what was seen there."""
+        return self.outlook.of(self.marks.of(view), view, self.spots.get(view))
 
     def contradictions(self) -> str:
         """Say which marks of the views contradict one another; empty if none do."""
-        wrong = ((view, self.outlook.of(self.marks.of(view), view).wrong) for view in self.views)
+        wrong = ((view, self.foresight(view).wrong) for view in self.views)
         return "; ".join(f"view {view}: {told}" for view, told in wrong if told)
 
     # ---- what is wished ----
@@ -230,15 +236,15 @@ class AimingBench:
         self.say(f"Nobody is steering: {HOME}.")
 
     def _move(self, wish: Wish) -> None:
-        self._go(_pair(wish.get("to")))
+        self._go(pair_of(wish.get("to")))
 
     def _nudge(self, wish: Wish) -> None:
-        by = _pair(wish.get("by"))
+        by = pair_of(wish.get("by"))
         self._go((self.beam[0] + by[0], self.beam[1] + by[1]))
 
     def _hold(self, wish: Wish) -> None:
         """Move on and on, as long as the page says again and again that it is held."""
-        self._held = (_pair(wish.get("by")), time.monotonic() + HELD)
+        self._held = (pair_of(wish.get("by")), time.monotonic() + HELD)
 
     def _release(self, wish: Wish) -> None:
         self._held = None
@@ -260,7 +266,7 @@ class AimingBench:
         self._tell_change(self.marks.redo())
 
     def _choose_view(self, wish: Wish) -> None:
-        name = _text(wish, "name")
+        name = text_of(wish, "name")
         if name not in self.views:
             raise UserError("there is no such view")
         self.leave()
@@ -279,14 +285,14 @@ class AimingBench:
 
     def _choose_kind(self, wish: Wish) -> None:
         """Sample as the part does whose marks come next."""
-        kind = _text(wish, "kind")
+        kind = text_of(wish, "kind")
         if kind not in self.wanted:
             raise UserError("the scan has no such marks")
         self.kind = kind
         self._tell_marks()
 
     def _begin_look(self, wish: Wish) -> None:
-        low, high = _pair(wish.get("low")), _pair(wish.get("high"))
+        low, high = pair_of(wish.get("low")), pair_of(wish.get("high"))
         board = self.experiment.laser.board.value
         low = (max(low[0], board[0]), max(low[1], board[0]))
         high = (min(high[0], board[1]), min(high[1], board[1]))
@@ -297,13 +303,14 @@ class AimingBench:
             corners, count = self._corners(), places_within(full)
             if len(corners) == CORNERS:
                 least, most = corners.min(axis=0), corners.max(axis=0)
-                self._find_tone(least + (most - least) * spread_out(count))
+                self._find_tone(least + (most - least) * aids.spread_out(count))
             else:
                 self._seen = []
 
     def _begin_parts(self, low: Steps, high: Steps) -> None:
         """Begin a quick look."""
         self._look, self._window, self._seen = self._parts(low, high), (low, high), None
+        self.spots.setdefault(self.view, SpotsSeen()).begin()
         self.board.begin("raster", view=self.view)
         self.board.tell("looking", True)
 
@@ -336,7 +343,7 @@ class AimingBench:
     def _corners(self) -> IntArray:
         """Give the corners of the region as marked or predicted, (corner, 2), as many as known."""
         marks = self.marks.of(self.view)
-        every = {**self.outlook.of(marks, self.view).predicted, **marks}
+        every = {**self.foresight(self.view).predicted, **marks}
         return np.array([dac for (kind, _), dac in every.items() if kind == CORNER], np.int64)
 
     def _stop_look(self, wish: Wish) -> None:
@@ -346,7 +353,7 @@ class AimingBench:
             self._instrument.move(self.beam)
 
     def _named(self, wish: Wish) -> tuple[str, int]:
-        kind, number = _text(wish, "kind"), wish.get("number")
+        kind, number = text_of(wish, "kind"), wish.get("number")
         known = self.wanted.get(kind)
         if type(number) is not int or not 1 <= number <= MOST_SPOTS:
             raise UserError("there is no such mark")
@@ -374,6 +381,8 @@ class AimingBench:
         """Scan the next part of a quick look."""
         part = next(look, None)
         if part is None:
+            if self.kind == CIRCLE and self.spots[self.view].end():
+                self._tell_marks()
             self._stop_look({})
             return
         dac, cell = part
@@ -391,6 +400,8 @@ class AimingBench:
         among = 1 if drive is None or self._tone is None else len(drive.lines)
         how = {"frequency": self._set.excitation[0], "among": among}
         self.board.add("raster", arrays, cell=cell, **how)
+        if self.kind == CIRCLE and self.spots[self.view].add(cell, dac, value, flags):
+            self._tell_marks()
         if self._seen is not None:
             self._seen.append((cell, dac, value, flags))
 
@@ -529,7 +540,7 @@ class AimingBench:
 
     def _tell_marks(self) -> None:
         found = self.marks.of(self.view)
-        ahead = self.outlook.of(found, self.view)
+        ahead = self.foresight(self.view)
         undo, redo = self.marks.can
         told = {
             "view": self.view,
@@ -574,33 +585,7 @@ def places_within(full: Acquisition) -> int:
     return int(np.clip(SPENT // replace(full, records=1).seconds, 1, MOST_PLACES))
 
 
-def spread_out(count: int) -> Array:
-    """Spread places over a square of side 1, on no line of symmetry (Roberts's sequence), (n, 2).
-
-    Examples
-    --------
-    >>> spread_out(2).round(2).tolist()
-    [[0.25, 0.07], [0.01, 0.64]]
-    """
-    plastic = 1.324717957244746  # the root of x^3 = x + 1
-    return np.asarray((0.5 + np.arange(1, count + 1)[:, None] / [plastic, plastic**2]) % 1)
-
-
 def _peaks(samples: RawSamples) -> Array:
     """Find the largest sample of every pixel and channel, V."""
     most = np.abs(samples.counts.astype(np.int32)).max(axis=2)
     return np.asarray(most * samples.volts_per_count)
-
-
-def _pair(value: object) -> Steps:
-    """Read two whole numbers of a wish."""
-    if not (isinstance(value, list) and len(value) == 2 and all(type(v) is int for v in value)):
-        raise UserError("a place is two whole numbers, up-down and left-right")
-    up_down, left_right = (min(max(v, -BEYOND), BEYOND) for v in value)
-    return up_down, left_right
-
-
-def _text(wish: Wish, key: str) -> str:
-    """Read a text of a wish, empty if it is none."""
-    value = wish.get(key)
-    return value if isinstance(value, str) else ""

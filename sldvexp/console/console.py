@@ -14,12 +14,13 @@ from sldvexp.config.experiment import Experiment
 from sldvexp.config.own_files import own_path
 from sldvexp.config.paths import RUN_FILE
 from sldvexp.console.afterwards import Advice, Advise
-from sldvexp.console.bench import AimingBench, Wish
+from sldvexp.console.bench import AimingBench
 from sldvexp.console.board import NoticeBoard
 from sldvexp.console.keeping import EarlierScan, KeptViews, ScanAhead, scan_ahead
 from sldvexp.console.marks import FIDUCIAL, Name, Steps
 from sldvexp.console.scanning import Asked, Scanning
 from sldvexp.console.server import Server
+from sldvexp.console.wishes import Wish
 from sldvexp.console.written import CHOICE, command_with, settings_with, write_experiment
 from sldvexp.dataset import RunData
 from sldvexp.errors import UserError

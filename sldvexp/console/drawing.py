@@ -55,7 +55,7 @@ def drawn_layout(
     drawn: list[dict[str, object]] = []
     for (kind, number), at in zip(places, position @ axes.T, strict=True):
         edge = edges.get((kind, number))
-        rim = [] if edge is None else (edge[:: max(1, len(edge) // ROUND)] @ axes.T)
+        rim = np.zeros((0, 2)) if edge is None else edge[:: max(1, len(edge) // ROUND)] @ axes.T
         one = {"kind": kind, "number": number, "at": np.round(at, 4).tolist()}
         drawn.append({**one, "rim": np.round(rim, 4).tolist()})
     return drawn, told

@@ -11,9 +11,9 @@ The distance up to which errors explain a mark, in all but `ODD` of the cases, i
 nearly exactly has no such ratio. Then it follows from how a mark scatters around the place where
 the others put it, ``sqrt(quantile / (u' S^-1 u))`` along the direction u in which it lies off, with
 ``S = J C J' + pointing^2 + place^2`` of the pose of the others; of one that lies off by less than
-the pointing's error, whose direction is chance, in the mean square of all directions. It is thus never smaller than the
-pointing's own, and of a mark of leverage near one, whose place the others hardly know, so large
-that nothing is told.
+the pointing's error, whose direction is chance, in the mean square of all directions. It is thus
+never smaller than the pointing's own, and of a mark of leverage near one, whose place the others
+hardly know, so large that nothing is told.
 
 Three marks fit up to four poses: a mark is compared with the one to which all marks together
 belong, ``min_k cost_k + r_k' S_k^-1 r_k``, whichever is the likeliest without it.

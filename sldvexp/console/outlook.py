@@ -23,9 +23,11 @@ import numpy as np
 from sldvexp.config.experiment import Experiment
 from sldvexp.console.marks import CIRCLE, CORNER, FIDUCIAL, Name, Steps, configured, parts_of
 from sldvexp.console.misfit import MarkMisfit, misfits_of
+from sldvexp.console.spots import CirclePattern, SpotsSeen, assign
 from sldvexp.errors import UserError
 from sldvexp.geometry import KnownPose, euler_from_rotation, rotation_from_euler
-from sldvexp.laser import beyond_told, corrected_pose
+from sldvexp.laser import beyond_told, corrected_pose, dac_jacobian, dac_of_points
+from sldvexp.laser.aiming import FOUND, ROUGH
 from sldvexp.pose import Aiming, AimingPlace
 from sldvexp.pose.aiming import FEWEST, SURE, pointing_of
 from sldvexp.pose.rough_pose import RoughPose, predicted_angles, predicted_steps
@@ -101,10 +103,12 @@ class Outlook:
         parts = (p for p in parts_of(experiment).values() if isinstance(p, Rectangle))
         self.region = next(parts, None)
 
-    def of(self, marks: Mapping[Name, Steps], view: str) -> Foresight:
-        """Tell what the marks of a view tell, and its rough pose."""
+    def of(
+        self, marks: Mapping[Name, Steps], view: str, seen: SpotsSeen | None = None
+    ) -> Foresight:
+        """Tell what the marks of a view tell, and its rough pose, and what was seen beside it."""
         try:
-            found = self._foresight(marks, view)
+            found = self._foresight(marks, view, seen or SpotsSeen())
         except (UserError, np.linalg.LinAlgError) as error:
             # What cannot be foreseen shall not hide what was marked.
             log.debug("foreseeing the marks of the view %s", view, exc_info=True)
@@ -118,7 +122,7 @@ class Outlook:
             found.told += f" {told[0].upper()}{told[1:]}{more}.{needed}"
         return found
 
-    def _foresight(self, marks: Mapping[Name, Steps], view: str) -> Foresight:
+    def _foresight(self, marks: Mapping[Name, Steps], view: str, seen: SpotsSeen) -> Foresight:
         """Tell the same, without what cannot be aimed at."""
         known = {name: steps for name, steps in marks.items() if name in self.places}
         rough = self.rough.get(view)
@@ -129,7 +133,7 @@ class Outlook:
         near = len(known) < SURE and (rough is not None and self._near(view, aiming.poses))
         if refuted or near:
             right = {k: dac for k, dac in known.items() if self.places[k].name not in refuted}
-            return self._by_rough_pose(right, view, aiming.contradiction())
+            return self._by_rough_pose(right, view, aiming.contradiction(), seen)
         if aiming.pose is None:
             wrong = aiming.contradiction()
             told = aiming.weakness() or wrong or self._more(len(known), view)
@@ -177,30 +181,79 @@ class Outlook:
         place = self.rough[view].place
         return not poses or any(np.linalg.norm(pose.origin - place) < NEAR for pose in poses)
 
-    def _by_rough_pose(self, known: Mapping[Name, Steps], view: str, wrong: str) -> Foresight:
-        """Predict by a view's rough pose, corrected by the marks that there are."""
-        pose = self.rough[view].rotation, self.rough[view].place
-        if known:
-            points = np.array([self.places[name].position for name in known])
-            with suppress(UserError):  # marks that no pose near this one explains
-                dac = np.array(list(known.values()), float)
-                names = [self.places[name].name for name in known]
-                pose = corrected_pose(points, dac, *pose, self.laser, names)
+    def _by_rough_pose(
+        self, known: Mapping[Name, Steps], view: str, wrong: str, seen: SpotsSeen
+    ) -> Foresight:
+        """Predict by a view's rough pose, corrected by marks and by spots of looks."""
+        rough = self.rough[view].rotation, self.rough[view].place
+        pose = self._corrected(rough, {name: (dac, FOUND) for name, dac in known.items()})
+        spots, unsure = self._spots(pose, known, seen)
+        if spots:
+            marked: dict[Name, tuple[Array | Steps, float]] = {}
+            marked |= {name: (dac, FOUND) for name, dac in known.items()}
+            pose = self._corrected(rough, {**marked, **spots})
         likely = RoughPose(*pose, np.zeros((6, 6)), cost=0, dof=0, probability=1)
         found = self._foreseen([likely], view)
         place = f"the instrument stands at about {_metres(pose[1])}."
-        if not known and not wrong:
+        each = [f"{len(known)} mark{'s' * (len(known) > 1)}"] * bool(known)
+        each += [f"{len(spots)} spot{'s' * (len(spots) > 1)} of the look"] * bool(spots)
+        if not each and not wrong:
             searched = " Circles are searched from there: scan at once," if self.rims else " Scan,"
             ways = f"{searched} or take marks where they are known." if not found.out else ""
             found.told = f"By the scan's rough pose {place}{ways}"
-        elif not known:
+        elif not each:
             found.told = f"By the scan's rough pose {place}"
         else:
-            count = f"{len(known)} mark{'s' * (len(known) > 1)}"
-            found.told = f"By the scan's rough pose, corrected by {count}, {place}"
+            found.told = f"By the scan's rough pose, corrected by {' and '.join(each)}, {place}"
+        found.told += _unsure_told({self.places[name].name: n for name, n in unsure.items()})
         found.told += f" But {wrong}." if wrong else ""
         found.wrong = wrong
         return found
+
+    def _corrected(
+        self, rough: tuple[Array, Array], found: Mapping[Name, tuple[Array | Steps, float]]
+    ) -> tuple[Array, Array]:
+        """Correct a rough pose by places that were found at steps, to standard deviations."""
+        if not found:
+            return rough
+        points = np.array([self.places[name].position for name in found])
+        dac = np.array([place for place, _ in found.values()], float)
+        std = np.array([[std] for _, std in found.values()])
+        names = [self.places[name].name for name in found]
+        with suppress(UserError):  # marks that no pose near this one explains
+            return corrected_pose(points, dac, *rough, self.laser, names, std)
+        return rough
+
+    def _spots(
+        self, pose: tuple[Array, Array], known: Mapping[Name, Steps], seen: SpotsSeen
+    ) -> tuple[dict[Name, tuple[Array, float]], dict[Name, int]]:
+        """Say which circles are which spots, to standard deviations, and how many may be others.
+
+        Circles that are marked are where they are marked; no other one is what is seen there.
+        """
+        spots, circles = seen.spots, [name for name in self.places if name[0] == CIRCLE]
+        if not spots or not circles:
+            return {}, {}
+        points = np.array([self.places[name].position for name in circles])
+        names = [self.places[name].name for name in circles]
+        try:
+            dac = dac_of_points(points, *pose, self.laser, names)
+        except UserError:  # not all are within reach from there
+            return {}, {}
+        jacobian = dac_jacobian(points, *pose, self.laser)
+        likely = RoughPose(*pose, np.zeros((6, 6)), cost=0, dof=0, probability=1)
+        area = np.array([_area(predicted_steps([likely], r, self.laser)[0]) for r in self.rims])
+        marked = np.array([name in known for name in circles])
+        rows = jacobian[marked].reshape(-1, 6) / self._pointing()
+        pattern = CirclePattern(dac, jacobian, area, np.diag(ROUGH**-2.0) + rows.T @ rows)
+        found = assign(pattern, spots, seen)
+        sure = {
+            circles[k]: (spots[j].dac, float(np.hypot(spots[j].std, self._pointing())))
+            for k, j in found.spots.items()
+        }
+        unsure = {circles[k]: count for k, count in found.open.items()}
+        free = {name: place for name, place in sure.items() if name not in known}
+        return free, {name: count for name, count in unsure.items() if name not in known}
 
     def _foreseen(self, poses: Sequence[RoughPose], view: str) -> Foresight:
         """Predict all places, outlines and corners by the likeliest poses."""
@@ -250,6 +303,31 @@ class Outlook:
         ends = np.floor(seen.min(axis=0)), np.ceil(seen.max(axis=0))
         box: list[list[int]] = box_corners(*ends, self.laser.ways).tolist()
         return box
+
+
+def _area(outline: Array) -> float:
+    """Compute the area within an outline, squared; NaN of one that is not wholly known."""
+    x, y = (outline - outline.mean(axis=0)).T
+    return float(abs(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1))) / 2)
+
+
+def _unsure_told(unsure: Mapping[str, int]) -> str:
+    """Say of which places the look leaves open which spot they are.
+
+    Examples
+    --------
+    >>> _unsure_told({"circle 1": 2})[:60]
+    ' 2 spots of the look are near circle 1: which? Look at a wid'
+    """
+    near = {name: count for name, count in unsure.items() if count > 1}
+    if near:
+        which = " and ".join(f"{count} spots of the look are near {n}" for n, count in near.items())
+    elif unsure:
+        which = f"a spot of the look may be {' or '.join(unsure)}"
+    else:
+        return ""
+    told = f"{which[0].upper()}{which[1:]}: which? Look at a wider part, or take a sure one first."
+    return f" {told}"
 
 
 def _metres(point: Array, std: float | None = None) -> str:

@@ -91,6 +91,18 @@ def strongest_line(
     return float(design.frequency[strongest])
 
 
+def spread_out(count: int) -> NDArray[np.float64]:
+    """Spread places over a square of side 1, on no line of symmetry (Roberts's sequence), (n, 2).
+
+    Examples
+    --------
+    >>> spread_out(2).round(2).tolist()
+    [[0.25, 0.07], [0.01, 0.64]]
+    """
+    plastic = 1.324717957244746  # the root of x^3 = x + 1
+    return np.asarray((0.5 + np.arange(1, count + 1)[:, None] / [plastic, plastic**2]) % 1)
+
+
 def quick(acquisition: Acquisition, hertz: float | None = None) -> Acquisition:
     """Shorten an acquisition to a quick look: some periods of the lowest frequency, no longer.
 

@@ -1,10 +1,13 @@
 """Files of a plan: an experiment that a run takes as it is, and the poses alone, as YAML.
 
-``experiment/<name>.yaml`` says what differs from the choices of the groups, with the plan's views:
-rough poses of the scan, with the region in the world, or circles and corners in DAC steps where the
-scan cannot predict them, and in a virtual lab the true stands. The pose method stays, since nobody
-stands exactly where a plan says. ``pose/<name>.yaml`` has the stands as they are planned, for
-``pose=<name>``. Both are written whole or not at all.
+``experiment/<name>.yaml`` is built on the user's own experiment where that lies in the same folder
+and has nothing that a plan would have to take away, as views of its own; so its lines and comments
+stay in one place. Else it says what differs from the choices of the groups, and all that the user's
+experiment states. With it come the plan's views: rough poses of the scan, with the region in the
+world, or circles and corners in DAC steps where the scan cannot predict them, and in a virtual lab
+the true stands. The pose method stays, since nobody stands exactly where a plan says.
+``pose/<name>.yaml`` has the stands as they are planned, for ``pose=<name>``. Both are written whole
+or not at all.
 """
 
 from __future__ import annotations
@@ -13,6 +16,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import yaml
 from omegaconf import DictConfig, OmegaConf
 
 from sldvexp.config.experiment import SINGLE_GROUPS
@@ -64,6 +68,7 @@ def write(
     name: str,
     replace: bool,
     config_dir: str | None = None,
+    base: str = "",
 ) -> list[Path]:
     """Write the files of a plan.
 
@@ -83,6 +88,8 @@ def write(
         Whether files that exist are replaced.
     config_dir : str, optional
         Folder of the user's that has some of what was chosen.
+    base : str
+        Experiment that was chosen.
 
     Raises
     ------
@@ -90,11 +97,36 @@ def write(
         If a file exists and is not to be replaced, or cannot be written.
     """
     require_free(folder, name, replace)
-    whole = experiment_text(plan, config, plugins, choices, config_dir)
+    own = "" if base == name or not own_path(folder, "experiment", base).is_file() else base
+    whole = own and built_text(plan, config, plugins, choices, folder, own)
+    whole = whole or experiment_text(plan, config, plugins, choices, config_dir, base)
     paths = [own_path(folder, group, name) for group in GROUPS]
     texts = dict(zip(paths, (whole, pose_text(plan)), strict=True))
     write_own(texts, replace, INSTEAD)
     return list(texts)
+
+
+def built_text(
+    plan: StandPlan,
+    config: DictConfig,
+    plugins: Mapping[str, str],
+    choices: Mapping[str, str],
+    folder: Path,
+    own: str,
+) -> str:
+    """Write the plan's views as an experiment built on another one; empty if that does not go."""
+    origins = Origins([f"experiment={own}", "--config-dir", str(folder)])
+    composed = origins.compose()
+    chosen = composed.hydra.runtime.choices
+    base, values = _as_data(composed), _as_data(config)
+    _put_views(values, plan, plugins)
+    same = all(chosen.get(group) == choice for group, choice in choices.items())
+    more = any(_has_more(base.get(group), values[group]) for group in plugins)
+    if not same or more or not set(OF_OTHER_VIEWS).isdisjoint(_stated(folder, own)):
+        return ""
+    built = f"Built on experiment={own}: its lines hold where nothing else is said here."
+    told, defaults = [_told(plan), built], [f"/experiment/{own}", "_self_"]
+    return choice_text(told, defaults, _differences(values, base), apart=True)
 
 
 def experiment_text(
@@ -103,8 +135,9 @@ def experiment_text(
     plugins: Mapping[str, str],
     choices: Mapping[str, str],
     config_dir: str | None = None,
+    own: str = "",
 ) -> str:
-    """Write the experiment with the plan's views."""
+    """Write the experiment with the plan's views, and what another one of the user's states."""
     values = _as_data(config)
     _put_views(values, plan, plugins)
     chosen = {g: choices.get(g, f"schema/{plugins[g]}") for g in plugins}
@@ -113,14 +146,37 @@ def experiment_text(
     if wider:  # an entry of a table that the plan does not have: from the plugin alone
         chosen |= {g: f"schema/{plugins[g]}" for g in wider}
         base = _base(chosen, config_dir)
-    differing = _differences(values, base)
+    stated = _stated(Path(config_dir), own) if config_dir and own else {}
+    differing = _differences(values, base, stated)
     overrides = ({f"override /{g}": chosen[g]} for g in SINGLE_GROUPS if g in chosen)
     defaults = ["_self_", *overrides]
-    told = (
+    told = [_told(plan)]
+    told += [f"Made of experiment={own}, of which it has all lines that it goes on with."] * bool(
+        stated
+    )
+    return choice_text(told, defaults, differing, apart=True)
+
+
+def _told(plan: StandPlan) -> str:
+    """Say what is planned."""
+    return (
         f"{len(plan.stands)} planned stands; the {plan.goal.criterion.name} bound asked for is "
         f"{1e3 * plan.asked:.3g} mm/s."
     )
-    return choice_text([told], defaults, differing, apart=True)
+
+
+def _stated(folder: Path, name: str) -> dict[str, Any]:
+    """Read what an experiment of the user's states, and those of the folder that it is made of."""
+    path = own_path(folder, "experiment", name)
+    if not path.is_file():
+        return {}
+    written = yaml.safe_load(path.read_text(encoding="utf-8")) or {}
+    found: dict[str, Any] = {}
+    for made_of in written.pop("defaults", []):
+        if isinstance(made_of, str) and made_of != "_self_":
+            found |= _stated(folder, made_of.removeprefix("/experiment/"))
+    merged: Any = OmegaConf.to_container(OmegaConf.merge(found, written))
+    return dict(merged)
 
 
 def _base(chosen: Mapping[str, str], config_dir: str | None) -> dict[str, Any]:
@@ -146,14 +202,17 @@ def _has_more(base: Any, values: Any) -> bool:
     return any(k not in values or _has_more(base[k], values[k]) for k in base)
 
 
-def _differences(values: Mapping[str, Any], base: Mapping[str, Any]) -> dict[str, Any]:
-    """Keep what is not in the base already."""
+def _differences(
+    values: Mapping[str, Any], base: Mapping[str, Any], stated: Any = None
+) -> dict[str, Any]:
+    """Keep what is not in the base already, or is stated."""
+    said = stated if isinstance(stated, dict) else {}
     found: dict[str, Any] = {}
     for key, value in values.items():
-        if key in base and value == base[key]:
+        if key in base and value == base[key] and key not in said:
             continue
         nested = isinstance(value, dict) and isinstance(base.get(key), dict)
-        found[key] = _differences(value, base[key]) if nested else value
+        found[key] = _differences(value, base[key], said.get(key)) if nested else value
     return found
 
 

@@ -35,7 +35,10 @@ EXPERIMENT = "experiment=dissertation/automated_pose"
 
 
 def main() -> None:
-    """Serve until Ctrl-C or SIGTERM. Exit status: 0, or 1 with one sentence for a user's mistake."""
+    """Serve until Ctrl-C or SIGTERM.
+
+    Exit status: 0, or 1 with one sentence for a user's mistake.
+    """
     heed()
     try:
         options = _parser().parse_args()
@@ -52,7 +55,7 @@ def serve(
     port: int = PORT,
     config_dir: str | None = None,
 ) -> None:
-    """Start the lab of a configuration, print VISA's name of it, and serve until Ctrl-C, which is told.
+    """Start the lab of a configuration, print VISA's name of it, and serve until Ctrl-C.
 
     Parameters
     ----------

@@ -19,14 +19,10 @@ def drawn(experiment):
 def test_a_board_is_drawn_from_its_front(lab_experiment):
     at, marks, told = drawn(lab_experiment)
     assert told == "from its front"
-    for number, circle in lab_experiment.target.circles.items():
-        np.testing.assert_allclose(
-            at[number] - at[1],
-            1e-3 * np.array([circle.x, circle.y])
-            - 1e-3
-            * np.array([lab_experiment.target.circles[1].x] + [lab_experiment.target.circles[1].y]),
-            atol=2e-4,
-        )
+    target = lab_experiment.target
+    flat = {k: target.unit.value * np.array([c.x, c.y]) for k, c in target.circles.items()}
+    for number, place in flat.items():
+        np.testing.assert_allclose(at[number] - at[1], place - flat[1], atol=2e-4)
     assert all(len(mark["rim"]) >= 12 for mark in marks)
 
 

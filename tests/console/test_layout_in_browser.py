@@ -61,8 +61,9 @@ def test_all_that_is_used_to_aim_stands_in_the_window(served, size):
     try:
         used = (*USED, "camera-box") if size == LAPTOP else USED
         for name, (left, top, right, bottom) in page.js(BOXES, used).items():
-            assert left >= 0 and right <= size[0], name
-            assert top >= 0 and bottom <= size[1], name
+            assert min(left, top) >= 0, name
+            assert right <= size[0], name
+            assert bottom <= size[1], name
         pictured(page, f"fits-{size[0]}")
     finally:
         page.close()
@@ -80,7 +81,10 @@ def test_counts_of_marks_and_bounds_move_nothing(served, size):
             page.mark()
             assert (page.js(BOXES, USED), page.js(VIEWS)) == before
         page.until(lambda: "≤" in page.text("marks"))
-        wide = "const t = document.getElementById('marks'); return t.scrollWidth <= t.parentNode.clientWidth"
+        wide = (
+            "const t = document.getElementById('marks');"
+            "return t.scrollWidth <= t.parentNode.clientWidth"
+        )
         assert page.js(wide)
         tall = "return document.querySelector('#marks thead').getBoundingClientRect().height"
         assert page.js(tall) < 30
@@ -122,5 +126,33 @@ def test_drawing_shows_all_faces_with_numbers_that_cover_nothing(served):
             for one, other in itertools.combinations([*shapes, *numbers], 2):
                 assert not overlap(one, other)
             pictured(page, f"drawn-{known}")
+    finally:
+        page.close()
+
+
+#: Tells of one view, of two, of these again after the first was chosen; what is shown each time.
+PANE = """
+const told = (names) => names.map((name) => ({name, told: [`Pose of ${name}`]}));
+const shown = () => [...document.querySelectorAll('#views-lists ul')]
+  .filter((list) => !list.hidden).map((list) => list.textContent);
+return import('./scan.js').then(({Scan}) => {
+  const scan = new Scan({wish() {}, choose() {}}), found = [];
+  for (const names of [['1'], ['1', '2']]) { scan.done(told(names)); found.push(shown()); }
+  document.querySelector('#views-told button').click();
+  found.push(shown());
+  scan.done(told(['1', '2']));
+  found.push(shown());
+  scan.done(told(['1', '2', '3']));
+  found.push(shown());
+  return found;
+});
+"""
+
+
+def test_pane_follows_the_view_that_was_done_last_and_shows_others_on_a_click(served):
+    page = opened(served, LAPTOP)
+    try:
+        shown = page.js(PANE)
+        assert shown == [[f"Pose of {view}"] for view in ("1", "2", "1", "1", "3")]
     finally:
         page.close()
