@@ -68,7 +68,7 @@ def surface_name(field: xr.Dataset) -> str:
     Examples
     --------
     >>> from sldvexp.dataset import group
-    >>> surface_name(group("field", {}, velocity=[[0]]).assign_attrs(given_surface="middle"))
+    >>> surface_name(group("field", {}, position=[[0, 0, 0]]).assign_attrs(given_surface="middle"))
     'middle surface'
     """
     given = str(field.attrs.get("given_surface", ""))
