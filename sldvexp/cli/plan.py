@@ -26,7 +26,7 @@ from sldvexp.config.refusals import refusal
 from sldvexp.dataset import RunData
 from sldvexp.errors import UserError, nearest
 from sldvexp.planner.images import Stand
-from sldvexp.planner.place import SETTING_OF, Place, Unseen
+from sldvexp.planner.place import OBLIQUE, SETTING_OF, Place, Unseen
 from sldvexp.planner.planned import USUAL_NOISE, StandPlan, sampling_of
 from sldvexp.plot import save
 from sldvexp.plot.catalogue import USUAL
@@ -259,8 +259,11 @@ def told(
             f"strain over the gage of {1e3 * found.gage.length:.3g} mm, at {hertz:g} Hz: "
             f"{1e6 * strain:.3g} microstrain"
         )
+    yield from planner.limits.nearly_one(found.stands, found.place)
+    if limits := planner.limits.told(found.limits, found.asked):
+        yield limits
     if action != "check" and (limited := _circles_limit(found, experiment)):
-        yield limited
+        yield limited if limits else f"{limited}: try plan.room.incidence={OBLIQUE:g}"
     yield from planner.circle_limits.hidden_told(found.stands, found.place)
     if found.one_more is not None:
         yield found.one_more.told

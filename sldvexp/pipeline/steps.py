@@ -157,7 +157,9 @@ def _views(run: Run) -> None:
     e = run.experiment
     robust = _leaves_pixels_out(e)
     refined = e.pose is not None and e.pose.refine is pose.base.Refine.images
-    examined = verdict.examine_views(run.tree, e.laser, e.volume, robust, e.use_repair, refined)
+    examined = verdict.examine_views(
+        run.tree, e.laser, e.volume, robust, e.use_repair, refined, e.target
+    )
     run.tree |= examined.groups
     for name in run.elsewhere & examined.groups.keys():
         own = name.replace("image/", FLAGGED)  # all that the run's own file has of it
@@ -502,7 +504,7 @@ STEPS: tuple[Step, ...] = (
         _views,
         makes=(f"{VERDICT}/views", "image/", "pose", FLAGGED),
         needs=("pose", "volume", "image/"),
-        reads=("laser", "volume", "pose", *ROBUST, "use_repair", "stream"),
+        reads=("laser", "volume", "pose", *ROBUST, "use_repair", "stream", "target"),
     ),
     Step(
         "comparison of the views of points",

@@ -3,6 +3,7 @@ from . import circle_lines as circle_lines
 from . import done as done
 from . import figure as figure
 from . import files as files
+from . import limits as limits
 from .planned import StandPlan as StandPlan
 from .planned import check_stands as check_stands
 from .planned import next_stand as next_stand

@@ -38,7 +38,7 @@ def around(place: Place, rng: np.random.Generator) -> str:
         f"were tried {now} see all of them within plan.room.incidence={limit:g} deg, and {then} "
         f"within {OBLIQUE:g} deg, at which a spot that is small beside the circles still finds "
         "them (one of a waist of 2 mm needs coarse.lines=9 of the scan of circles, and may miss "
-        f"some all the same): try plan.room.incidence={OBLIQUE:g}"
+        "some all the same)"
     )
 
 

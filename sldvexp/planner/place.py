@@ -262,23 +262,32 @@ class Place:
         What the structure hides is found of stands that nothing else refuses.
         """
         marks = self.marks
-        way = origins[:, None] - marks.position[None]
-        cosine = np.einsum("smi,mi->sm", way, marks.normal) / np.linalg.norm(way, axis=-1)
-        faces = np.any(marks.normal != 0, axis=1)
-        oblique = (cosine < np.cos(np.radians(self.incidence_of_circles))) & faces
         found = {
             **self.refusals_of_room(origins),
-            Unseen.target_incidence: oblique.any(axis=1),
-            Unseen.target_mirrors: self._beyond(origins, rotations, marks.position).any(axis=1),
-            Unseen.target_blocked: self._blocked(origins, marks.position).any(axis=1),
+            Unseen.target_incidence: self.too_oblique(origins),
+            Unseen.target_mirrors: np.asarray(
+                self._beyond(origins, rotations, marks.position).any(axis=1)
+            ),
+            Unseen.target_blocked: np.asarray(self._blocked(origins, marks.position).any(axis=1)),
             Unseen.target_hidden: marks.hide_themselves(origins),
-            Unseen.rim_behind_target: marks.hides(origins, self.outline).any(axis=1),
-            Unseen.region_mirrors: self._beyond(origins, rotations, self.region).any(axis=1),
+            Unseen.rim_behind_target: np.asarray(marks.hides(origins, self.outline).any(axis=1)),
+            Unseen.region_mirrors: np.asarray(
+                self._beyond(origins, rotations, self.region).any(axis=1)
+            ),
         }
         rest = np.flatnonzero(~np.any(list(found.values()), axis=0))
         hidden = np.zeros(len(origins), bool)
         hidden[rest] = marks.too_few(marks.hidden_by(self.structure, origins[rest]))
         return found | {Unseen.target_behind_structure: hidden}
+
+    def too_oblique(self, origins: Array) -> BoolArray:
+        """Tell from which stands a circle is too oblique, however they are turned, (stand,)."""
+        marks = self.marks
+        way = origins[:, None] - marks.position[None]
+        cosine = np.einsum("smi,mi->sm", way, marks.normal) / np.linalg.norm(way, axis=-1)
+        faces = np.any(marks.normal != 0, axis=1)
+        oblique = (cosine < np.cos(np.radians(self.incidence_of_circles))) & faces
+        return np.asarray(oblique.any(axis=1))
 
     def refusals_of_room(self, origins: Array) -> dict[Unseen, BoolArray]:
         """Find the stands that the room does not allow, (stand,)."""

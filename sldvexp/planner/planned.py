@@ -23,6 +23,7 @@ from sldvexp.planner.done import NOBODY, GivenStands
 from sldvexp.planner.expected import ExpectedBounds, expected_bounds
 from sldvexp.planner.gage import PlannedGage
 from sldvexp.planner.images import Stand, empty_image, raster_of, stand_at
+from sldvexp.planner.limits import ActiveLimit, active_limits
 from sldvexp.planner.one_more import OneMore, one_more
 from sldvexp.planner.place import Place, StandExamination, of_search
 from sldvexp.planner.search import FeasiblePlaces, candidates, exchange, greedy, move
@@ -61,6 +62,8 @@ class StandPlan:
         What was planned for, if it is a strain.
     one_more : OneMore, optional
         Worth of the new stand after those that were there.
+    limits : tuple of ActiveLimit
+        Of the room, which hold the new stands back.
     """
 
     stands: tuple[Stand, ...]
@@ -74,6 +77,7 @@ class StandPlan:
     by_count: dict[int, float]
     gage: PlannedGage | None = None
     one_more: OneMore | None = None
+    limits: tuple[ActiveLimit, ...] = ()
 
     @property
     def bounds(self) -> Array:
@@ -147,7 +151,7 @@ def plan(experiment: Experiment) -> StandPlan:
     task = _Task.of(experiment, NOBODY)
     settings, wanted = experiment.plan, experiment.plan.in_si("wanted")
     if wanted is None:
-        return task.planned(settings.stands)
+        return task.with_limits(task.planned(settings.stands))
     by_count: dict[int, float] = {}
     for count in range(FEWEST_STANDS, MOST_STANDS + 1):
         by_count[count] = task.estimated(count)
@@ -155,6 +159,7 @@ def plan(experiment: Experiment) -> StandPlan:
     for count in (n for n in by_count if n >= min(enough, default=MOST_STANDS)):
         found = task.planned(count)
         if found.asked <= wanted:
+            found = task.with_limits(found)
             return replace(found, by_count=by_count | {count: found.asked})
     ratio = found.asked / wanted
     raise UserError(
@@ -316,6 +321,18 @@ class _Task:
         tried = self.found.examined.and_also(stands)
         stands, worth = one_more(goal, tried, begun, there, self.place.middle)
         return replace(self.result(self._stands(stands)), one_more=worth)
+
+    def with_limits(self, plan: StandPlan) -> StandPlan:
+        """Find the limits of the room that hold the new stands of a plan back."""
+        assert self.found is not None
+        new = plan.added
+        stands = self.thinned.examine(
+            np.array([stand.origin for stand in new]), np.array([stand.rotation for stand in new])
+        )
+        goal = self.goal.with_factor(plan.goal.factor[self.chosen])
+        begun, seed = self._looks_of_given(), self.experiment.seed
+        limits = active_limits(goal, self.thinned, stands, self.found.least, begun, seed)
+        return replace(plan, limits=tuple(limits))
 
     def result(self, added: Sequence[Stand], drop_outs: bool = True) -> StandPlan:
         """Compute what the given and the new stands see, and their bounds.

@@ -63,7 +63,8 @@ def candidates(place: Place, count: int, rng: np.random.Generator) -> FeasiblePl
     found: StandExamination | None = None
     for _ in range(-(-MOST_TRIED * count // AT_ONCE)):
         origins = drawn(place, rng)
-        some = examined(place, origins[place.allowed(origins)])
+        # What refuses a stand however it is turned comes first: few see circles on two faces.
+        some = examined(place, origins[place.allowed(origins) & ~place.too_oblique(origins)])
         some = some.take(some.share > 0)
         found = some if found is None else found.and_also(some)
         least = _least(place, found)
@@ -212,7 +213,7 @@ def move(
             free = rng.standard_normal((OTHER_MOVES, 3)) / 2
             ways = step * np.concatenate([np.eye(3), -np.eye(3), free])
             tried = (stands.origins[j] + ways).round(DECIMALS)
-            tried = tried[place.allowed(tried)]
+            tried = tried[place.allowed(tried) & ~place.too_oblique(tried)]
             found = examined(place, tried)
             values = goal.with_one_more(covariance, found.looks)
             values[found.share < least] = np.inf

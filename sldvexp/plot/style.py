@@ -270,6 +270,12 @@ def decades(axis: Any, low: float, high: float) -> None:
     axis.set_minor_formatter(NullFormatter())
 
 
+def thousands(axis: Any, largest: float) -> None:
+    """Write numbers as thousands where five digits of panels side by side would meet."""
+    if largest >= FIVE_DIGITS:
+        axis.set_major_formatter(FuncFormatter(lambda v, _: f"{v / 1000:g}k" if v else "0"))
+
+
 def whole_numbers() -> Any:
     """Set ticks at whole numbers."""
     return MaxNLocator(integer=True)
@@ -343,6 +349,8 @@ def outer_labels(axes: NDArray[Any], used: int, x: str, y: str) -> None:
 #: Inches for the names and numbers of axes at the left and below, for titles, and between panels
 #: with a title and numbers.
 LEFT, BOTTOM, TOP, BETWEEN = 0.62, 0.46, 0.47, 0.45
+#: Mirror readings from which numbers have five digits.
+FIVE_DIGITS = 1e4
 #: Inches between rows of panels with a title alone.
 LOW = 0.24
 #: Cells of a scale.
@@ -373,7 +381,7 @@ def line_height() -> float:
 def sheet(
     rows: int,
     columns: int,
-    ratio: float,
+    ratio: float | Sequence[float],
     title: str,
     titles: Sequence[str] = (),
     beside: float = 0.18,
@@ -385,11 +393,11 @@ def sheet(
     left: float = LEFT,
     **shared: Any,
 ) -> tuple[Figure, NDArray[Any]]:
-    """Make a figure with panels of equal size.
+    """Make a figure with panels of equal width, and height in a row.
 
     Parameters
     ----------
-    ratio : float
+    ratio : float, or sequence of float for each row
         Height of a panel over its width.
     titles : sequence of str
         Of the panels, row by row; room is made for all of their lines.
@@ -416,19 +424,21 @@ def sheet(
     width = inches()
     left, right = before + left, beside if right is None else right
     wide = (width - left - right + beside) / columns - beside
-    high = ratio * wide
+    high = wide * np.broadcast_to(ratio, rows)
     names = [broken(name, wide + min(beside, 0.3)) for name in titles]
     more = max((name.count("\n") for name in names), default=0) * line_height()
     heading = _heading(title)
     top = TOP + more + above + heading.count("\n") * HEADING * line_height()
     gap = between + more * (len(titles) > columns)
-    height = top + rows * high + (rows - 1) * gap + BOTTOM + below
+    height = top + float(high.sum()) + (rows - 1) * gap + BOTTOM + below
     made = figure(height)
     made.set_layout_engine("none")
     made.suptitle(heading, y=1 - EDGE / height, va="top")
     where = {"left": left / width, "right": 1 - right / width, "wspace": beside / wide}
     where |= {"bottom": (BOTTOM + below) / height, "top": 1 - top / height}
-    where["hspace"] = gap / high
+    where["hspace"] = gap / float(high.mean())
+    if len(set(high.tolist())) > 1:
+        where["height_ratios"] = high.tolist()
     axes = made.subplots(rows, columns, squeeze=False, gridspec_kw=where, **shared)
     for axis, name in zip(axes.ravel(), names, strict=False):
         axis.set_title(name)

@@ -121,7 +121,8 @@ def _rows(
 ) -> Figure:
     """Draw a row of four maps for each image, with a common scale for each column."""
     extents = np.array([np.ptp(group["dac"].values, axis=0) for group in groups.values()])
-    tall = float(np.clip((extents[:, 0] / np.maximum(extents[:, 1], 1)).max(), 0.25, 1.6))
+    tall = np.clip(extents[:, 0] / np.maximum(extents[:, 1], 1), 0.25, 1.6).tolist()
+    farthest = max(float(np.abs(group["dac"].values).max()) for group in groups.values())
     told = ["×: flagged pixel"] * any(not _good(group).all() for group in groups.values())
     if all("velocity_std" in group for group in groups.values()):
         told.append(f"phase hatched: below {CERTAIN:g} standard deviations")
@@ -141,6 +142,7 @@ def _rows(
             )
             axis.xaxis.set_major_locator(style.ticks(2))
             axis.yaxis.set_major_locator(style.ticks(3))
+            style.thousands(axis.xaxis, farthest)
             axis.set_aspect("equal")
             as_seen.turn(axis, ways)
             axis.tick_params(labelleft=part == PARTS[0])

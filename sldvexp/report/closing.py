@@ -89,9 +89,12 @@ def _found(run: RunData, findings: Sequence[Finding]) -> str:
     if not any(told) and set(run.groups).isdisjoint(("field", "point")):
         told += [_images(run), _poses(run)]
     if key is not None and not any(told):
-        values = ", ".join(f"{row[0]} {row[1]}" for row in key.rows)
-        title = f"{key.title[:1].lower()}{key.title[1:]}"
-        told.append(f"{title}: {values} {key.columns[1].rpartition(', ')[2]}")
+        for one in filter(None, (key, key.beside)):
+            values = ", ".join(f"{row[0]} {row[1]}" for row in one.rows)
+            title = f"{one.title[:1].lower()}{one.title[1:]}"
+            if one is not key:
+                title = title.removeprefix("velocity ").partition(" at ")[0]
+            told.append(f"{title}: {values} {one.columns[1].rpartition(', ')[2]}")
     told.append(_strain(run))
     return "; ".join(filter(None, told)) or f"{', '.join(run.groups) or 'nothing'}"
 

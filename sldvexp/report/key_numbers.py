@@ -9,7 +9,7 @@ to be so.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -25,15 +25,20 @@ POSE = VARIABLES["pose"]
 MOST_VIEWS = 6
 #: Beyond so many modes as well.
 MOST_MODES = 12
+#: Surfaces of a sheet, by the words of the glossary.
+FACE, MIDDLE = "measured face", "middle surface"
+#: Part of its depth by which a layer may lie beside the face.
+ON_FACE = 0.02
 
 
 @dataclass(frozen=True)
 class KeyNumbers:
-    """A small table with a title."""
+    """A small table with a title; of a face with that of the middle surface beside it."""
 
     title: str
     columns: Sequence[str]
     rows: Sequence[Sequence[str]]
+    beside: KeyNumbers | None = None  # the same of another surface
 
 
 def on_surface(run: RunData, field: xr.Dataset) -> xr.Dataset:
@@ -63,11 +68,33 @@ def surface_name(field: xr.Dataset) -> str:
     Examples
     --------
     >>> from sldvexp.dataset import group
-    >>> surface_name(group("field", {}, velocity=[0]).assign_attrs(given_surface="middle"))
+    >>> surface_name(group("field", {}, position=[[0, 0, 0]]).assign_attrs(given_surface="middle"))
     'middle surface'
     """
     given = str(field.attrs.get("given_surface", ""))
-    return {"middle": "middle surface", "face": "measured face"}.get(given, "surface")
+    return {"middle": MIDDLE, "face": FACE}.get(given, "given surface")
+
+
+def on_face(run: RunData, field: xr.Dataset) -> xr.Dataset | None:
+    """Take the layer of a field on the measured face; None if it has none, or does not know.
+
+    Examples
+    --------
+    >>> from sldvexp.dataset import group
+    >>> volume = group("volume", {}, depth=[0.0, 0.0015])
+    >>> field = group("field", {}, position=[[0, 0, 0], [0, 0, 0.0015]])
+    >>> run = RunData({"volume": volume})
+    >>> on_face(run, field) is None, on_face(run, field.assign_attrs(face_depth=0.0015)).sizes
+    (True, Frozen({'node': 1, 'axis': 3}))
+    """
+    if "face_depth" not in field.attrs or not run.has("volume", "depth"):
+        return None
+    depths, face = run.groups["volume"]["depth"].values, float(field.attrs["face_depth"])
+    layer = int(np.abs(depths - face).argmin())
+    if abs(depths[layer] - face) > ON_FACE * abs(face) or field.sizes["node"] % len(depths):
+        return None
+    each = field.sizes["node"] // len(depths)
+    return field.isel(node=slice(layer * each, (layer + 1) * each))
 
 
 def key_numbers(run: RunData) -> KeyNumbers | None:
@@ -83,8 +110,13 @@ def key_numbers(run: RunData) -> KeyNumbers | None:
     if run.has("modes", "natural_frequency", "damping_ratio"):
         return _of_modes(run.groups["modes"])
     for field in run.fields().values():
-        title = f"Velocity on the {surface_name(field)}"
-        return _of_places(on_surface(run, field), "node", title)
+        given = surface_name(field)
+        own = _of_places(on_surface(run, field), "node", f"Velocity on the {given}")
+        face = on_face(run, field) if given == MIDDLE else None
+        if face is None:
+            return own
+        # It is the face that the beam meets; along itself the middle surface of a bent plate rests.
+        return replace(_of_places(face, "node", f"Velocity on the {FACE}"), beside=own)
     point = run.groups.get("point")
     if point is not None and "confidence" in point:
         many = point.sizes.get("point", 1) > 1

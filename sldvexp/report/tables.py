@@ -16,7 +16,7 @@ from sldvexp import plot
 from sldvexp.dataset import FREQUENCY, VARIABLES, RunData, is_void
 from sldvexp.field.bounds.budget import SOURCES
 from sldvexp.lazy import xarray as xr
-from sldvexp.report.key_numbers import on_surface, surface_name
+from sldvexp.report.key_numbers import FACE, MIDDLE, on_face, on_surface, surface_name
 from sldvexp.report.numbers import angle_text, bounds_of, number, place_text, shown, with_bound
 
 POSE = VARIABLES["pose"]
@@ -138,9 +138,13 @@ def field_tables(run: RunData) -> Iterator[Table]:
     if not fields:
         return
     yield _methods(fields)
-    faces = {name: on_surface(run, field) for name, field in fields.items()}
-    yield _components(faces, is_void(run.groups))
-    first = next(iter(faces.values()))
+    surfaces = {name: on_surface(run, field) for name, field in fields.items()}
+    of_middle = {n: f for n, f in fields.items() if surface_name(f) == MIDDLE}
+    on_faces = {name: on_face(run, field) for name, field in of_middle.items()}
+    if faces := {name: face for name, face in on_faces.items() if face is not None}:
+        yield _components(faces, is_void(run.groups), FACE)
+    yield _components(surfaces, is_void(run.groups))
+    first = next(iter(surfaces.values()))
     if "variance" in first:
         yield budget_table(first)
     yield from strain_tables(run)
@@ -153,7 +157,7 @@ def field_tables(run: RunData) -> Iterator[Table]:
 def _methods(fields: Mapping[str, xr.Dataset]) -> Table:
     """Show size, residuals and condition of every method's system."""
     names = ("unknowns", "rows", "residual std", "SSE", "cond", "bounds")
-    table = Table("field", *names, title="Fields (as Table 5.7)", title_justify="left")
+    table = Table("field", *names, title="Fits of the field to the images", title_justify="left")
     for name, field in fields.items():
         a = field.attrs
         std = f"{_mm(a['residual_std'])} {VELOCITY.shown_unit}"
@@ -163,8 +167,14 @@ def _methods(fields: Mapping[str, xr.Dataset]) -> Table:
     return table
 
 
-def _components(fields: Mapping[str, xr.Dataset], void: bool) -> Table:
-    """Show size of every component with its bounds, at the strongest frequencies."""
+def _components(fields: Mapping[str, xr.Dataset], void: bool, where: str = "") -> Table:
+    """Show size of every component with its bounds, at the strongest frequencies.
+
+    Parameters
+    ----------
+    where : str
+        Surface that all are of; without it each is of the one that its volume is given by.
+    """
     columns = (
         "component",
         FREQUENCY.units,
@@ -177,7 +187,7 @@ def _components(fields: Mapping[str, xr.Dataset], void: bool) -> Table:
         "elements",
         *["verdict"] * void,
     )
-    surfaces = {surface_name(field) for field in fields.values()}
+    surfaces = {where or surface_name(field) for field in fields.values()}
     several = len(surfaces) > 1
     where = "given surface" if several else surfaces.pop()
     title = f"{VELOCITY.titled(f'Velocity on the {where}')}{_some(fields.values())}"
@@ -227,7 +237,7 @@ def budget_table(field: xr.Dataset) -> Table:
     """
     components = [escape(str(c)) for c in field["component"].values]
     titles = [t for c in components for t in (f"{c}, {VELOCITY.shown_unit}", f"share of {c}")]
-    title = "Budget (standard uncertainty on the surface by source, r.m.s.)"
+    title = f"Budget (standard uncertainty on the {surface_name(field)} by source, r.m.s.)"
     table = Table("source", *titles, title=title, title_justify="left")
     rest = [d for d in field["variance"].dims if d not in ("source", "component")]
     variance = field["variance"].mean(rest).transpose("source", "component").values

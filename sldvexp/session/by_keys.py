@@ -198,8 +198,7 @@ class _Aim:
         if self.vague:
             self.expected = None
         self.goals = list(_goals(self.expected))
-        #: Place that g goes to next; that it went to last, None before the first.
-        self.goal, self.at_goal = 0, None
+        self.goal, self.at_goal = 0, 0  # place that g goes to next, and that it went to last
         self.looked, self.moved = False, False
 
     def result(self) -> Steps | None:
@@ -330,7 +329,7 @@ class _Aim:
         """Draw the line that lives; what a narrow terminal has no room for is left out."""
         parts = [self.name, f"beam {self.beam[0]} {self.beam[1]}"]
         if self.goals:
-            at = self.at_goal or 0
+            at = self.at_goal
             off = np.subtract(self.goals[at], self.beam)
             which = f" to place {at + 1} of {len(self.goals)}" if len(self.goals) > 1 else ""
             parts.append(f"to go {off[0]:+d} {off[1]:+d}{which}")

@@ -156,6 +156,7 @@ class SurfaceField:
             "cond": self.fit.posterior.condition,
             "coordinate_system": "local" if local else "world",
             "given_surface": self.method.given.value,
+            **self._face,
             "confidence_level": self.method.confidence,
             "not_included": "; ".join([*untold, *self._thickness_taken]),
             "notes": "\n".join(self.notes),
@@ -224,6 +225,14 @@ class SurfaceField:
         if sheet is None or not self.method.of_middle or sheet.tolerance.thickness:
             return []
         return [f"thickness of the sheet, taken as {1e3 * sheet.thickness:.4g} mm"]
+
+    @property
+    def _face(self) -> dict[str, float]:
+        """Depth of the measured face, m, as an attribute of the field, where one knows it."""
+        if self.material is None:
+            return {}
+        face, given = _heights(self.method, self.material)
+        return {"face_depth": face - given}
 
     @property
     def _hangs_from_face(self) -> bool:

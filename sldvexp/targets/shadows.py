@@ -42,6 +42,39 @@ def hidden_behind_circles(origins: Array, points: Array, target: Circles) -> Boo
     return np.asarray((beside <= radius + REST) & (t > 0) & (t < 1 - APART))
 
 
+def circles_met(begin: Array, way: Array, target: Circles) -> Array:
+    """Find how far along each beam it meets a circle from the front, m; infinite if it meets none.
+
+    Parameters
+    ----------
+    begin : ndarray, shape (beam, 3), m
+    way : ndarray, shape (beam, 3)
+        Of length 1.
+
+    Examples
+    --------
+    >>> from sldvexp.targets import Circle
+    >>> one = Circles(circles={k: Circle(0.1 * k, 0, 0.04) for k in (1, 2, 3)})
+    >>> begin = np.array([[0.1, 0.01, 1.0], [0.1, 0.03, 1.0]])
+    >>> circles_met(begin, np.array([[0, 0, -1.0], [0, 0, -1.0]]), one)
+    array([ 1., inf])
+    """
+    unit, found = target.unit.value, np.full(len(begin), np.inf)
+    for circle in target.circles.values():
+        plane = target.planes[circle.plane]
+        axes = plane.axes()
+        centre = unit * (np.array(plane.origin) + np.array([circle.x, circle.y]) @ axes[:2])
+        towards = way @ axes[2]
+        far = np.divide(
+            (centre - begin) @ axes[2], towards, out=np.full(len(begin), np.inf), where=towards < 0
+        )
+        known = np.isfinite(far) & (far > 0)
+        beside = np.linalg.norm(begin[known] + far[known, None] * way[known] - centre, axis=1)
+        met = np.flatnonzero(known)[beside <= unit * circle.diameter / 2]
+        found[met] = np.minimum(found[met], far[met])
+    return found
+
+
 def shaded(origins: Array, target: Circles) -> BoolArray:
     """Tell which circles cannot be scanned from places, because of which others.
 

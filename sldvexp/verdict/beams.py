@@ -18,7 +18,9 @@ from sldvexp.field import View
 from sldvexp.field.visibility.projection import image_plane, to_laser, triangle_bins
 from sldvexp.geometry import skew
 from sldvexp.laser import TwoMirror, project, rays
-from sldvexp.typing import Array, IndexArray
+from sldvexp.targets import Circles
+from sldvexp.targets.shadows import circles_met
+from sldvexp.typing import Array, BoolArray, IndexArray
 from sldvexp.volume import Prisms, Volume
 
 #: How far, in barycentric coordinates, a beam may miss a triangle and still meet it.
@@ -136,6 +138,23 @@ class PixelBeams:
     def take(self, kept: Array) -> PixelBeams:
         """Keep some of the beams."""
         return PixelBeams(**{name: values[kept] for name, values in self.__dict__.items()})
+
+
+def on_circles(view: View, surface: MeasuredSurface, target: Circles) -> BoolArray:
+    """Find pixels whose beams meet a circle of the calibration object before the surface, (pixel,).
+
+    What returns there is the object's motion, or that of what it rests on.
+    """
+    laser = view.laser(surface.laser)
+    start, along = rays(laser.angle_from_dac(view.dac), laser.mirror_offset)
+    begin, way = view.origin + start @ view.rotation, along @ view.rotation
+    circle = circles_met(begin, way, target)
+    found = np.isfinite(circle)
+    if found.any():
+        some = np.flatnonzero(found)
+        beam, _, far, _ = _first_met(view, laser, surface, begin[some], way[some])
+        found[some[beam]] = circle[some[beam]] < far
+    return found
 
 
 def _first_met(

@@ -23,8 +23,9 @@ from sldvexp.laser import TwoMirror
 from sldvexp.lazy import xarray as xr
 from sldvexp.session.images import describe_flagged_pixels
 from sldvexp.signal import Flag
+from sldvexp.targets import Circles, Target
 from sldvexp.typing import BoolArray, IndexArray
-from sldvexp.verdict.beams import MeasuredSurface, PixelBeams
+from sldvexp.verdict.beams import MeasuredSurface, PixelBeams, on_circles
 from sldvexp.verdict.comparison import (
     Bench,
     bench_of,
@@ -102,6 +103,7 @@ def examine_views(
     robust: bool = True,
     use_repair: Sequence[str] = (),
     refined: bool = False,
+    target: Target | None = None,
 ) -> Examined:
     """Compare the views of a run with one another.
 
@@ -115,6 +117,8 @@ def examine_views(
         Repairs to take, as ``view_left.sign``.
     refined : bool
         Adjust the poses to all images.
+    target : Target, optional
+        Pixels whose beams meet its circles are left out.
 
     Raises
     ------
@@ -157,10 +161,11 @@ def examine_views(
     [('sign', 'view e', 'use_repair=[view_e.sign]')]
     """
     surface = MeasuredSurface.of(volume, laser)
+    circles = target if isinstance(target, Circles) else None
     passes: list[_Examination] = []
 
     def examine(groups: dict[str, xr.Dataset]) -> tuple[list[Finding], list[Repair]]:
-        passes.append(_Examination(groups, surface, robust))
+        passes.append(_Examination(groups, surface, robust, circles))
         return passes[-1].findings, passes[-1].repairs
 
     few = at_few_lines(tree)
@@ -172,19 +177,39 @@ def examine_views(
         groups |= moved
         findings += refinement
     changed = carried_over(tree, few, groups, taken)
-    told = [*_repeated(groups), *findings, *_left_out(few, groups), *_holes(groups, surface)]
+    told = [
+        *_repeated(groups),
+        *findings,
+        *_left_out(few, groups, passes[-1].on_object),
+        *_holes(groups, surface),
+    ]
     return Examined(changed, told)
 
 
 class _Examination:
     """One pass over images and poses as they are: flags, findings and repairs that would help."""
 
-    def __init__(self, groups: Groups, surface: MeasuredSurface, robust: bool) -> None:
+    def __init__(
+        self,
+        groups: Groups,
+        surface: MeasuredSurface,
+        robust: bool,
+        circles: Circles | None = None,
+    ) -> None:
         self.groups, self.surface = dict(groups), surface
         self.findings: list[Finding] = []
         self.repairs: list[Repair] = []
         self.agreeing: Bench | None = None
         views = views_of(groups, surface.laser)
+        #: Pixels of each view on the calibration object that would be used, (pixel,).
+        self.on_object: dict[str, BoolArray] = {}
+        if robust and circles is not None:
+            for v in views:
+                self.on_object[v.name] = on_object = on_circles(v, surface, circles)
+                if on_object.any():
+                    used = used_pixels(v, surface)
+                    on_object &= np.isin(np.arange(len(on_object)), used)
+            views = [self._flag(v, self.on_object[v.name], Flag.unlike) for v in views]
         self.met = {
             v.name: PixelBeams.trace(v, surface, np.flatnonzero(v.usable)).pixel for v in views
         }
@@ -407,22 +432,34 @@ def _more_pixels(bench: Bench, tests: ViewTests) -> tuple[int, int] | None:
     return int(now), int(np.ceil(wanted / len(bench.data)))
 
 
-def _left_out(before: Groups, after: Groups) -> list[Finding]:
-    """Count the pixels that were left out, view by view."""
+def _left_out(before: Groups, after: Groups, on_object: Mapping[str, BoolArray]) -> list[Finding]:
+    """Count the pixels that were left out, view by view.
+
+    Parameters
+    ----------
+    on_object : mapping of str to ndarray of bool
+        Pixels that are on the calibration object, by view.
+    """
     found = []
     for name, image in after.items():
         if not name.startswith("image/") or image is before.get(name):
             continue
         flags = image["flags"].values.astype(int)
         usable = np.maximum(np.sum((flags & ~int(Flag.unlike | Flag.resting)) == 0), 1)
+        view = name.removeprefix("image/")
+        unlike, away = flags & Flag.unlike != 0, ~on_object.get(view, np.zeros(len(flags), bool))
         told = {
-            "drop_outs": (Flag.unlike, "which neither neighbours nor other views confirm"),
-            "at_rest": (Flag.resting, "at rest while what surrounds it moves: a hole"),
+            "on_object": (unlike & ~away, "whose beams meet the calibration object"),
+            "drop_outs": (unlike & away, "which neither neighbours nor other views confirm"),
+            "at_rest": (
+                flags & Flag.resting != 0,
+                "at rest while what surrounds it moves: a hole",
+            ),
         }
-        for kind, (flag, why) in told.items():
-            if count := int(np.sum(flags & flag != 0)):
-                view = name.removeprefix("image/")
+        for kind, (out, why) in told.items():
+            if count := int(out.sum()):
                 many = f"{count} pixels" if count > 1 else "one pixel"
+                why = why.replace("beams meet", "beam meets") if count == 1 else why
                 text = f"{many} of view {view} ({count / usable:.2%}) left out, {why}"
                 subject = f"pixels of view {view}"
                 found.append(

@@ -388,7 +388,16 @@ class VibratingPlate(SceneObject):
             Along the world's axes; NaN beside the plate and over its holes.
         """
         place = self._place(points)
-        local = np.einsum("pmi,m->pi", self._motion(place), self._response(frequency))
+        return self._along_world(place, self._motion(place), frequency)
+
+    def middle_velocity(self, points: ArrayLike, frequency: float) -> ComplexArray:
+        """Compute the same of the middle surface."""
+        place = self._place(points)
+        moved = self.modes.motion(place, 0.0, self.surface.curvature)
+        return self._along_world(place, moved, frequency)
+
+    def _along_world(self, place: Array, motion: Array, frequency: float) -> ComplexArray:
+        local = np.einsum("pmi,m->pi", motion, self._response(frequency))
         return np.einsum("pij,pi->pj", self.surface.frame(place) @ self.rotation, local)
 
     def modal_velocity(self, points: ArrayLike) -> Array:

@@ -68,3 +68,20 @@ def test_the_lab_tells_a_wrong_option_in_one_sentence(monkeypatch, capsys, words
     said = capsys.readouterr().err
     assert said.startswith(f"sldvexp-lab: {told}"), said
     assert said.count("\n") == 1
+
+
+@pytest.mark.whole
+def test_a_shell_is_compared_on_the_face_and_on_the_middle_surface(sldvexp, run_once):
+    """A bent plate's middle surface does not move along itself, its face does: both are said."""
+    thin = ("volume.thickness=0.003", "volume.layers=3", "material=aluminium")
+    found = run_once(*SMALL[:-1], *thin, "reconstruction=shell", "material.thickness=0.003")
+    said = sldvexp("truth", str(found)).out
+    face = said.partition("on the middle surface")[0]
+    assert "on the measured face, which the beam meets:\nx at 197 Hz" in face
+    true = {
+        name: [float(v) for v in re.findall(rf"^{name} at .* true ([\d.e-]+) mm/s", said, re.M)]
+        for name in "xz"
+    }
+    assert true["x"][0] > 0.01
+    assert true["x"][1] != true["x"][0]  # its modes stretch it a little
+    assert true["z"][0] == true["z"][1]

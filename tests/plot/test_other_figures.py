@@ -329,3 +329,26 @@ def test_matplotlib_is_loaded_with_the_first_figure(loaded_by):
     libraries, said = loaded_by("import sldvexp.plot; print(len(sldvexp.plot.__all__))")
     assert libraries == ""
     assert int(said) > 15
+
+
+def test_rows_of_unlike_views_stand_close_and_their_numbers_do_not_meet():
+    """A narrow image and a wide one of a 16-bit board: each row has the height of its own."""
+    groups = {}
+    for name, tall, wide in (("a", 13000, 8000), ("b", 9000, 21000)):
+        up, right = np.meshgrid([-tall, 0, tall], [-wide, 0, wide], indexing="ij")
+        dac = np.stack([up.ravel(), right.ravel()], axis=1)
+        velocity = 0.01 * np.exp(1j * np.arange(9.0))
+        groups[f"image/{name}"] = dataset.group("image", {}, velocity=velocity, dac=dac)
+    made = sldvexp.plot.images(groups)
+    made.canvas.draw()
+    panels = np.array(made.axes[:8]).reshape(2, 4)
+    high = [axes.get_position(original=True).height for axes in panels[:, 0]]
+    assert high[0] / high[1] == pytest.approx((13 / 8) / (9 / 21), rel=0.05)
+    boxes = [
+        label.get_window_extent()
+        for axes in panels[1]
+        for label in axes.get_xticklabels()
+        if label.get_text()
+    ]
+    boxes.sort(key=lambda box: box.x0)
+    assert all(one.x1 < other.x0 for one, other in itertools.pairwise(boxes))

@@ -37,7 +37,7 @@ def test_a_field_is_told_by_its_largest_velocities_on_the_surface():
     )
     told = lines({"field": field, "verdict": verdict()})
     assert told["found"] == (
-        "velocity on the surface at 200 Hz, the strongest of 2 frequencies: "
+        "velocity on the given surface at 200 Hz, the strongest of 2 frequencies: "
         "x 2.00 ± 0.30, z 20.00 ± 0.30 mm/s"
     )
     of_middle = lines({"field": field.assign_attrs(given_surface="middle"), "verdict": verdict()})

@@ -50,13 +50,13 @@ def test_key_numbers_are_those_of_the_surface_and_not_of_the_volume(run_file, no
     np.testing.assert_array_equal(surface["position"].values[:, 2], 0.0)
     shown = key_numbers(run)
     assert shown is not None
-    assert shown.title == "Velocity on the surface at 197 Hz, the strongest of 2 frequencies"
+    assert shown.title == "Velocity on the given surface at 197 Hz, the strongest of 2 frequencies"
     size = 1e3 * np.abs(surface["velocity"].values[:, :, 0])
     for row, own in zip(shown.rows, size.T, strict=True):
         assert numbers_of(row[1])[0] == pytest.approx(own.max(), rel=1e-2)
         assert float(row[2]) == pytest.approx(np.sqrt(np.mean(own**2)), rel=5e-3)
     table = next(t for t in field_tables(run) if "Velocity" in str(t.title))
-    assert str(table.title) == "Velocity on the surface, mm/s"
+    assert str(table.title) == "Velocity on the given surface, mm/s"
     largest = [numbers_of(cell)[0] for cell in list(table.columns[3].cells)[::2]]
     assert largest == [numbers_of(row[1])[0] for row in shown.rows]
 
@@ -90,8 +90,8 @@ def test_verdict_and_key_numbers_come_before_the_shape_and_all_else(run_file, no
     raw = text.read_text()
     assert page.sections[0] == "result"
     first = raw[raw.index('<section id="result"') : raw.index('<section id="what-to-mind"')]
-    assert first.index('class="verdict') < first.index("Velocity on the surface")
-    assert first.index("Velocity on the surface") < first.index('class="shape"')
+    assert first.index('class="verdict') < first.index("Velocity on the given surface")
+    assert first.index("Velocity on the given surface") < first.index('class="shape"')
     assert raw.count('id="shape-canvas"') == 1
 
 

@@ -41,8 +41,9 @@ PARTS: dict[str, dict[str, str]] = {
     },
     "shape": {"surface": "The velocity drawn as a deflection, at the moment of its largest value."},
     "field": {
-        "field": "The field with its bounds on the layer next to the given surface; components "
-        "have one scale, and what is not above its bound is pale.",
+        "field": "The field with its bounds on the given surface, a shell's on its middle surface "
+        "unless it was said to be the face; components have one scale, and what is not above its "
+        "bound is pale.",
         "spectrum": "Velocity at the node of the largest motion, by frequency, with bounds.",
         "nodal": "Velocity with bounds along the line of nodes through its largest value.",
         "residuals": "Residuals by view.",

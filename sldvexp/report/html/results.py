@@ -29,7 +29,7 @@ from sldvexp.report.html.diagnostics import verdict_blocks
 from sldvexp.report.html.figures import drawable, figures
 from sldvexp.report.html.setup import views_table
 from sldvexp.report.html.shape import shape_of, shape_of_points, size_of
-from sldvexp.report.key_numbers import key_numbers
+from sldvexp.report.key_numbers import key_numbers, surface_name
 from sldvexp.report.modal_tables import model_told
 from sldvexp.report.numbers import PLACES, bounds_of, number, place_text, with_bound
 from sldvexp.report.tables import (
@@ -61,7 +61,10 @@ def result_section(run: RunData) -> Section:
     """
     told: list[Any] = list(verdict_blocks(run))
     if (numbers := key_numbers(run)) is not None:
-        told.append(HtmlTable(numbers.columns, numbers.rows, numbers.title))
+        told += [
+            HtmlTable(one.columns, one.rows, one.title)
+            for one in filter(None, (numbers, numbers.beside))
+        ]
     if model := model_told(run):
         told.append(Text(f"{model[:1].upper()}{model[1:]}, see Model below."))
     shown = shape_blocks(run)
@@ -294,7 +297,7 @@ def lines_shape(run: RunData, name: str, taken: int = 0) -> list[Any]:
         strain = run.groups["strain"] if run.has("strain", "frame") else None
         field = next(iter(fields.values()))
         data = shape_of(field, run.groups["volume"], strain, _pose_of(run), taken)
-        note = "The layer next to the given surface is drawn."
+        note = f"The {surface_name(field)} is drawn."
     elif "surface" in drawable(run):
         data = shape_of_points(run.groups["point"], run.groups["line_of_sight"], _pose_of(run))
         ends = run.groups["line_of_sight"]
