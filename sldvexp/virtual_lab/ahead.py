@@ -14,10 +14,10 @@ from sldvexp.virtual_lab.electronics import PixelNoise
 from sldvexp.virtual_lab.pointing import MirrorPath
 
 #: Pixels computed at once, filled up if they are fewer: arithmetic in arrays of one shape gives a
-#: pixel the same last bits wherever it stands in a list.
-BLOCK = 64
+#: pixel the same last bits wherever it stands in a list. Half as many take a fifth longer in all.
+BLOCK = 128
 #: Blocks that short scan lines fill together, if it is known that they come.
-AHEAD = 8
+AHEAD = 4
 
 
 class Stretch(NamedTuple):

@@ -119,7 +119,7 @@ class EverySample(VolumeVisibility):
             weights = csr_array(
                 (np.ones(valid.sum()), sample[valid], indptr), shape=(len(sample), total)
             )
-            nowhere = Located(*(a[:0] for a in s.located[:4]), *s.located[4:])
+            nowhere = Located(*(a[:0] for a in s.located[:3]), *s.located[3:])
             each.append(replace(s, valid=valid, weights=weights, located=nowhere))
         return replace(look, by_view=tuple(each))
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 import pytest
@@ -11,6 +11,7 @@ from scipy.ndimage import binary_dilation
 
 from sldvexp.errors import UserError
 from sldvexp.image import Interpolation, Interpolator
+from sldvexp.image.interpolation import methods as ways
 from sldvexp.image.interpolation.base import PixelWeights
 from sldvexp.image.interpolation.cross_validation import is_negligible, predictions
 from sldvexp.image.interpolation.cubic import CubicInterpolator
@@ -426,6 +427,30 @@ def test_auto_takes_cubic_where_it_predicts_pixels_better(kind: str) -> None:
     # All images count: the clear one decides where the other tells nothing.
     both = [waving(make(21)), waving(make(15), noise=0.05)]
     assert Interpolation.auto.chosen(both) is Interpolation.cubic
+
+
+class Fixed(Image):
+    """An image that stays as it is."""
+
+    __eq__, __hash__ = object.__eq__, object.__hash__
+
+
+def test_the_choice_and_its_error_are_told_by_the_same_predictions(monkeypatch):
+    """Of an image that cannot change pixels are predicted once by each interpolation."""
+    changing = waving(even(21))
+    known = (getattr(changing, f.name) for f in fields(changing))
+    image, asked = Fixed(*known), []
+
+    def counted(*what):
+        asked.append(what[2])
+        return predictions(*what)
+
+    monkeypatch.setattr(ways, "predictions", counted)
+    again = Interpolation.auto.mean_error(image), Interpolation.auto.mean_error(image)
+    assert asked == [LinearInterpolator, CubicInterpolator]
+    expected = Interpolation.auto.mean_error(changing)
+    assert all((found != expected).nnz == 0 for found in again)
+    assert len(asked) == 5
 
 
 def test_auto_of_too_few_pixels_is_linear() -> None:

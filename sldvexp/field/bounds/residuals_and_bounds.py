@@ -31,7 +31,6 @@ from sldvexp.field.equations.regions import RegionIterator, RegionSamples
 from sldvexp.field.equations.sample_model import FieldModel
 from sldvexp.field.equations.system import NormalEquations, Solve
 from sldvexp.field.streaming.compression import FrequencyModes
-from sldvexp.field.threads import side_by_side
 from sldvexp.field.visibility.view import View
 from sldvexp.field.visibility.visibility import VolumeVisibility
 from sldvexp.typing import Array, BoolArray, IndexArray
@@ -344,7 +343,8 @@ class Bounds:
                 for (p, r), influence in zip(near, influences, strict=True)
             ]
 
-        by_view = side_by_side(of_view, range(len(variances))) if near else []
+        # One after the other: what is in between takes a third of all memory of a small field.
+        by_view = [of_view(k) for k in range(len(variances))] if near else []
         if isinstance(rows, WholeInverse):
             for group in range(self.noise.shape[3]):
                 views = np.flatnonzero(self.group == group)

@@ -257,18 +257,18 @@ def influences_by_layers(
         size = samples, pixels * 2 * count
         of_gaps.append(across @ scipy.sparse.bsr_array(entries, shape=size))
     place, indices, indptr = _union(of_gaps, pixels)
+    data = np.zeros((layers, len(indices), count))
+    for gap, at in enumerate(place):
+        each = of_gaps.pop(0).data.reshape(len(at), 2, count)
+        data[gap][at] += each[:, 0]
+        data[gap + 1][at] += each[:, 1]
     found, first = [], 0
     for e, shape in zip(estimators, shapes, strict=True):
         p = e.shape[1]
         if not e.any():  # the rows leave this view out
             found.append(scipy.sparse.bsr_array(shape, blocksize=(p, layers)))
             continue
-        data = np.zeros((layers, len(indices), p))
-        for gap, (of_gap, at) in enumerate(zip(of_gaps, place, strict=True)):
-            each = of_gap.data.reshape(len(at), 2, count)[:, :, first : first + p]
-            data[gap][at] += each[:, 0]
-            data[gap + 1][at] += each[:, 1]
-        beside = np.ascontiguousarray(np.moveaxis(data, 0, 2))
+        beside = np.ascontiguousarray(np.moveaxis(data[..., first : first + p], 0, 2))
         found.append(scipy.sparse.bsr_array((beside, indices, indptr), shape=shape))
         first += p
     return found

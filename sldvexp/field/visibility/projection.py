@@ -151,7 +151,7 @@ def project_samples(
     lost = {reason: int(np.count_nonzero(where)) for reason, where in reasons.items()}
     located = Located(
         kept[weights.located.place],
-        *weights.located[1:4],
+        *weights.located[1:3],
         _among(weights.outside, kept, len(points)),
         _among(weights.flagged, kept, len(points)),
     )

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sldvexp.lazy import scipy
 from sldvexp.typing import Array, BoolArray, ComplexArray, IndexArray
@@ -50,16 +51,13 @@ class Located(NamedTuple):
         Vertices of the cell.
     weight : ndarray, shape (found, k)
         Of these vertices.
-    gradient : ndarray, shape (found, k, 2), 1/step
-        Derivative of `weight` by the place.
     outside, flagged : ndarray of bool, shape (place,)
         Places that are in no cell, or in one with a flagged pixel.
     """
 
     place: IndexArray
-    corner: IndexArray
+    corner: NDArray[np.int32]
     weight: Array
-    gradient: Array
     outside: BoolArray
     flagged: BoolArray
 
@@ -77,7 +75,9 @@ def spread(matrix: scipy.sparse.csr_array, rows: IndexArray, count: int) -> scip
     return scipy.sparse.csr_array(entries, shape=(count, matrix.shape[1]))
 
 
-def rows_of(column: IndexArray, weight: Array, columns: int) -> scipy.sparse.csr_array:
+def rows_of(
+    column: IndexArray | NDArray[np.int32], weight: Array, columns: int
+) -> scipy.sparse.csr_array:
     """Make a matrix with these weights, shape (row, n), in so many columns."""
     rows, each = column.shape
     start = np.arange(0, rows * each + 1, each, dtype=np.int32)

@@ -58,11 +58,12 @@ class CubicInterpolator(Interpolator):
             corner = at.corner[here]
             frame = self._frame[corner][..., None]
             term, by_own = self._monomials(at, dac, here)
+            gradient = self.mesh.gradients(corner, dac[here])
             of_patches = by_vertex[corner].reshape(len(corner), -1, columns)
             for a in range(2):
                 by_dac = by_own[0] * frame[:, :, 0, a] + by_own[1] * frame[:, :, 1, a]
                 by_dac *= at.weight[here, :, None]
-                by_dac += at.gradient[here, :, a, None] * term
+                by_dac += gradient[:, :, a, None] * term
                 found[a, here] = (by_dac.reshape(len(corner), 1, -1) @ of_patches)[:, 0]
         return found
 
@@ -70,7 +71,7 @@ class CubicInterpolator(Interpolator):
         """Compute weights of the pixels at some found places, a row each."""
         term, _ = self._monomials(at, dac, here)
         corner, vertices = at.corner[here], len(self.mesh.vertices)
-        column = corner[..., None] + vertices * np.arange(TERMS)
+        column = corner[..., None] + vertices * np.arange(TERMS, dtype=np.int32)
         flat = len(corner), corner.shape[1] * TERMS
         weight = at.weight[here, :, None] * term
         of_patches = rows_of(column.reshape(flat), weight.reshape(flat), TERMS * vertices)

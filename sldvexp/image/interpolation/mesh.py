@@ -10,6 +10,7 @@ from abc import ABC, abstractmethod
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sldvexp.errors import UserError
 from sldvexp.geometry import Bins
@@ -92,16 +93,34 @@ class ImageMesh(ABC):
         """Scale the neighbours of each vertex to about one, shape (vertex, 2, 2)."""
 
     def locate(self, places: Array) -> Located:
-        """Locate places, shape (place, 2), steps: cells, weights and gradients."""
+        """Locate places, shape (place, 2), steps: cells and weights."""
         cell = self.find(places)
         inside = cell >= 0
         usable = np.asarray(self.usable[self.cells].all(axis=1))
         flagged = inside & ~usable[cell]
         flagged[~inside] = self.in_hole(places[~inside])
         place = np.flatnonzero(inside & ~flagged)
-        corner = self.cells[cell[place]]
-        weight, gradient = self.shape_functions(self.vertices[corner], places[place])
-        return Located(place, corner, weight, gradient, ~inside & ~flagged, flagged)
+        # Of the kind of all weights' indices: they are kept as long as what is seen.
+        corner = np.asarray(self.cells[cell[place]], np.int32)
+        weight, _ = self.shape_functions(self.vertices[corner], places[place])
+        return Located(place, corner, weight, ~inside & ~flagged, flagged)
+
+    def gradients(self, corner: NDArray[np.int32], places: Array) -> Array:
+        """Differentiate the weights of located places' corners by the place, 1/step.
+
+        It is quicker done again than kept.
+
+        Parameters
+        ----------
+        corner : ndarray of int, shape (place, k)
+            See `Located`.
+        places : ndarray, shape (place, 2), steps
+
+        Returns
+        -------
+        ndarray, shape (place, k, 2)
+        """
+        return self.shape_functions(self.vertices[corner], places)[1]
 
     def find(self, places: Array) -> IndexArray:
         """Find the cell of each place, shape (place,), -1 where there is none."""

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from enum import Enum
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -19,6 +20,7 @@ from sldvexp.image.interpolation.base import (
     rows_of,
 )
 from sldvexp.image.interpolation.cross_validation import (
+    Predictions,
     is_better,
     is_negligible,
     mean_error,
@@ -78,10 +80,10 @@ class Interpolation(Enum):
             return self
         meshes = [mesh_of(image) for image in images]
         both = list(zip(images, meshes, strict=True))
-        linear = [predictions(i, m, LinearInterpolator) for i, m in both]
+        linear = [_predicted(i, m, LinearInterpolator) for i, m in both]
         if is_negligible(images, linear, PART_ON_A_LATTICE["linear"]):
             return Interpolation.linear
-        cubic = [predictions(i, m, CubicInterpolator) for i, m in both]
+        cubic = [_predicted(i, m, CubicInterpolator) for i, m in both]
         pairs = list(zip(linear, cubic, strict=True))
         return Interpolation.cubic if is_better(images, pairs) else Interpolation.linear
 
@@ -92,7 +94,7 @@ class Interpolation(Enum):
         """
         method, mesh = self.chosen([image]), mesh_of(image)
         parts = PART_ON_A_LATTICE if isinstance(mesh, Lattice) else PART_OF_SCATTERED
-        found = mean_error(image, predictions(image, mesh, method._make), parts[method.name])
+        found = mean_error(image, _predicted(image, mesh, method._make), parts[method.name])
         wider = mesh.beyond_one_side() if method is Interpolation.cubic else None
         if wider is None:
             return found
@@ -103,6 +105,24 @@ class Interpolation(Enum):
     @property
     def _make(self) -> type[LinearInterpolator | CubicInterpolator]:
         return CubicInterpolator if self is Interpolation.cubic else LinearInterpolator
+
+
+#: Predictions of images that are still there, by the interpolation: its choice and its error are
+#: told by the same.
+_known: WeakKeyDictionary[ImagePixels, dict[type, Predictions]] = WeakKeyDictionary()
+
+
+def _predicted(
+    image: ImagePixels, mesh: ImageMesh, make: type[LinearInterpolator | CubicInterpolator]
+) -> Predictions:
+    """Predict an image's pixels from others, or recall it."""
+    try:
+        known = _known.setdefault(image, {})
+    except TypeError:  # it can be changed, and so has no hash
+        return predictions(image, mesh, make)
+    if make not in known:
+        known[make] = predictions(image, mesh, make)
+    return known[make]
 
 
 #: What is left of the misses of predictions, on the average between pixels: of waves on a lattice.
@@ -161,6 +181,7 @@ class LinearInterpolator(Interpolator):
     def slopes(self, at: Located, dac: Array, values: Array) -> Array:
         """Differentiate by both steps, shape (2, found, column)."""
         count, of_vertices = len(self.mesh.vertices), self.mesh.of_vertices(values)
+        gradient = self.mesh.gradients(at.corner, dac)
         return np.stack(
-            [rows_of(at.corner, at.gradient[..., a], count) @ of_vertices for a in range(2)]
+            [rows_of(at.corner, gradient[..., a], count) @ of_vertices for a in range(2)]
         )
