@@ -356,6 +356,10 @@ class Command:
         try:
             self._warn_of_mixed_tables(cfg, origins)
             if job.mode is RunMode.MULTIRUN:
+                if self.own_process and self.sweep and self.sweep.first:
+                    gc.freeze()  # what was loaded and composed lives as long as the process
+                    if cfg.stream is None and self.sweep.alike("stream", "experiment"):
+                        numpy_alone(to_the_end=True)
                 watcher = self.sweep.watcher() if self.sweep else None
                 where = job.runtime.output_dir
                 computed = sweep.job.perform(cfg, where, lines["task"], told, watcher)

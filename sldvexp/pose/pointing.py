@@ -19,8 +19,10 @@ cannot show them, and they are not included; only views that are scanned again t
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, fields, replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -149,6 +151,10 @@ def widen_edges(edges: Sequence[ScanLineEdges], std: Array) -> list[ScanLineEdge
     return [replace(e, std=np.hypot(e.std, s)) for e, s in zip(edges, std, strict=True)]
 
 
+#: Views whose ellipses are kept.
+VIEWS_KEPT = 32
+
+
 def find_pointing(
     edges: Sequence[ScanLineEdges], laser: TwoMirror
 ) -> tuple[Pointing, list[CircleFit]]:
@@ -169,6 +175,36 @@ def find_pointing(
     UserError
         If the edges of a circle make no ellipse.
     """
+    found, fits = _of_view(Content(_digest(edges, laser), edges, laser))
+    return found, list(fits)
+
+
+@dataclass(frozen=True)
+class Content:
+    """Edges of a view and the laser, known by their digest."""
+
+    digest: bytes
+    edges: Sequence[ScanLineEdges] = field(compare=False)
+    laser: TwoMirror = field(compare=False)
+
+
+def _digest(edges: Sequence[ScanLineEdges], laser: TwoMirror) -> bytes:
+    """Compute a digest of all that decides the noise and the ellipses."""
+    told = hashlib.sha256(repr(laser).encode())
+    for each in edges:
+        for f in fields(each):
+            value = getattr(each, f.name)
+            is_array = isinstance(value, np.ndarray)
+            content = value.tobytes() if is_array else repr(value).encode()
+            told.update(f"{f.name} {value.shape if is_array else ''} {len(content)} ".encode())
+            told.update(content)
+    return told.digest()
+
+
+@lru_cache(maxsize=VIEWS_KEPT)
+def _of_view(content: Content) -> tuple[Pointing, list[CircleFit]]:
+    """Find both; methods that are compared, and runs of a sweep over them, have them in common."""
+    edges, laser = content.edges, content.laser
     groups = [list(range(len(edges)))]
     std, fits, residuals = _settle(edges, laser, groups)
     differ = _levene(residuals, pointing_variance(residuals))

@@ -124,6 +124,16 @@ class Sweep:
         self.plan.claim(self.folder, *self._others)
 
     @property
+    def first(self) -> bool:
+        """True if no run has come to its end in this process."""
+        return self._count.none
+
+    def alike(self, *keys: str) -> bool:
+        """Tell whether all runs have the same of some keys of the configuration."""
+        swept = {name.partition(".")[0].partition("@")[0] for name in self.plan.names}
+        return swept.isdisjoint(keys)
+
+    @property
     def begun(self) -> bool:
         """True if any run has left a record."""
         return any((folder / record.FILE).is_file() for folder in self.folders)
@@ -201,6 +211,11 @@ class RunCount:
         self._finished = self._failed = 0
         self._left = SweepTimeLeft(jobs)
         self._watch = Stopwatch()
+
+    @property
+    def none(self) -> bool:
+        """True before the first run is counted."""
+        return self._finished + self._failed == 0
 
     @property
     def next(self) -> str:

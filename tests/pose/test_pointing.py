@@ -12,7 +12,7 @@ from sldvexp.dataset import Severity
 from sldvexp.image.pinhole import WIDEST, blur
 from sldvexp.laser import TwoMirror
 from sldvexp.laser.two_mirror import Board
-from sldvexp.pose import half_width
+from sldvexp.pose import half_width, pointing
 from sldvexp.pose.bitangent import Bitangent
 from sldvexp.pose.edge import Edge
 from sldvexp.pose.pointing import (
@@ -267,3 +267,25 @@ def test_what_a_spot_that_is_too_wide_adds_to_errors_does_not_hide_the_noise(edg
     assert found.differ > FALSE_ALARM
     # Of 156 degrees of freedom, 4 standard errors.
     assert found.std == pytest.approx(0.1, rel=0.25)
+
+
+def test_ellipses_of_the_same_edges_are_found_once(edge_lab, monkeypatch):
+    """Methods that are compared, and runs of a sweep over them, have them in common."""
+    fitted, settle = [], pointing._settle
+    monkeypatch.setattr(pointing, "_settle", lambda *args: fitted.append(args) or settle(*args))
+    lab = edge_lab(**STATED, pointing=0.1)
+    edges = list(lab.edges(np.random.default_rng(3))["a"].values())
+    first = find_pointing(edges, lab.laser)
+    once = len(fitted)
+    same = [replace(e, position=e.position.copy()) for e in edges]
+    again = find_pointing(same, lab.laser)
+    assert len(fitted) == once
+    assert again[0] is first[0]
+    assert [a is b for a, b in zip(again[1], first[1], strict=True)] == [True] * len(edges)
+    for others in (
+        (edges, replace(lab.laser, mirror_offset=lab.laser.mirror_offset + 1e-9)),
+        ([*edges[:-1], replace(edges[-1], std=edges[-1].std * (1 + 1e-9))], lab.laser),
+    ):
+        before = len(fitted)
+        find_pointing(*others)
+        assert len(fitted) > before

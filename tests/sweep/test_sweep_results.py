@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+from argparse import Namespace
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from sldvexp import dataset
 from sldvexp.sweep import collect
 from sldvexp.sweep.lock import locked
 from sldvexp.sweep.plan import Plan, folder_name, labels
-from sldvexp.sweep.sweep import span
+from sldvexp.sweep.sweep import Sweep, span
 
 METHOD = ("absolute", "relative")
 METHODS = ("-m", "experiment=point", "reconstruction=absolute,relative", "seed=1,-1,2")
@@ -183,3 +184,17 @@ def test_time_spans_in_words():
         "67 min",
         "2.5 h",
     ]
+
+
+@pytest.mark.parametrize(
+    ("swept", "alike"),
+    [
+        (("seed=1,2",), True),
+        (("+stream.chunks=8,16", "seed=1,2"), False),
+        (("experiment=plate,point",), False),
+    ],
+)
+def test_whether_runs_have_the_same_of_a_key(swept, alike):
+    """Only then is it known of all of them, by the first, that none streams."""
+    options = Namespace(overrides=list(swept), config_dir=None, config_name=None)
+    assert Sweep(options).alike("stream", "experiment") is alike
