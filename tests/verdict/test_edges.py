@@ -149,7 +149,7 @@ def test_view_that_looks_beside_what_others_see_is_in_doubt(count):
 
 @pytest.mark.parametrize("count", [3, pytest.param(5, marks=pytest.mark.whole)])
 def test_file_that_was_read_twice_is_named_of_three_views_too(count):
-    views = changed(flagged(0.0), 0, pixels=17)[:count]
+    views = changed(flagged(0.0), 0)[:count]
     views[2] = replace(views[2], velocity=views[1].velocity, flags=views[1].flags)
     found = {f.kind: f for f in examined(views).findings}
     assert found["repeated"].subject == "views v2 and v3"
