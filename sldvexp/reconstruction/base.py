@@ -26,7 +26,7 @@ from sldvexp.errors import UserError
 from sldvexp.lazy import xarray as xr
 from sldvexp.reconstruction.gaps import gaps_of, solved_around
 from sldvexp.reconstruction.least_squares import design, rank_of
-from sldvexp.reconstruction.result import PointVelocity
+from sldvexp.reconstruction.result import PointVelocity, reciprocal_condition
 from sldvexp.reconstruction.rows import RowChoice, RowSet, check, parse
 from sldvexp.reconstruction.solve import solve
 from sldvexp.reconstruction.system import Model, ReconstructionSettings
@@ -270,8 +270,6 @@ def best_rows(
 
 #: From how many best sets of some candidates rows are exchanged.
 STARTS = 8
-#: Components of a velocity.
-AXES = 3
 #: How the best rows were found where there are too many sets of them.
 GREEDY = (
     "{rows} candidate rows have {sets} sets of {size}: the best of some were improved row by row, "
@@ -318,28 +316,9 @@ def _exchanged(best: IndexArray, count: int, score: Callable[[IndexArray], Array
 def _scores(matrices: Array, rank: int) -> Array:
     """Compute reciprocal conditions of square matrices, in as many dimensions as they can span."""
     if rank == matrices.shape[-1]:
-        return _reciprocal_condition(matrices)
+        return reciprocal_condition(matrices)
     sigma = np.linalg.svd(matrices, compute_uv=False)
     return sigma[..., rank - 1] / sigma[..., 0]
-
-
-def _reciprocal_condition(matrices: Array) -> Array:
-    """Compute ``1 / (|A| |A^-1|)`` in the 1-norm; of a singular matrix 0.
-
-    Of three columns a, b, c the inverse has the rows ``b x c, c x a, a x b`` over ``|a b c|``:
-    all matrices at once that is ten times as fast as LAPACK, one after the other.
-    """
-    if matrices.shape[-1] != AXES:
-        return np.asarray(1 / np.linalg.cond(matrices, 1), float)
-    m = np.moveaxis(matrices, (-2, -1), (0, 1)).copy()
-    largest = np.abs(m).sum(axis=0).max(axis=0)
-    # Row i of the inverse is of the two columns after column i.
-    rows = [np.cross(m[:, i - 2], m[:, i - 1], axis=0) for i in range(AXES)]
-    determinant = np.abs(np.sum(m[:, 0] * rows[0], axis=0))
-    of_inverse = np.abs(rows).sum(axis=0).max(axis=0)
-    return np.divide(
-        determinant, largest * of_inverse, out=np.zeros_like(determinant), where=of_inverse > 0
-    )
 
 
 def _spread(count: int, at_most: int) -> NDArray[np.int_]:

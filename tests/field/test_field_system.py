@@ -92,6 +92,7 @@ def test_kronecker_product(make_plate: Make, triangle: int, line: int, block: in
     x = as_unknowns(system, rng.normal(size=(len(dense), 3)))
     inverse = KroneckerInverse.from_system(system)
     np.testing.assert_allclose(inverse.times(system.times(x)), x, atol=1e-9)
+    assert KroneckerInverse.from_system(system) is inverse  # factorised once, whoever asks
     np.testing.assert_allclose(line_matrix(rule, 4), system.line)
 
 

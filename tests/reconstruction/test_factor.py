@@ -69,3 +69,7 @@ def test_condition_numbers() -> None:
     assert reciprocal_condition(sheared) == pytest.approx(1 / (5 * 1))  # inverse: 1, -2/3; 0, 1/3
     assert hadamard_condition(np.zeros((3, 3))) == 0
     assert reciprocal_condition(np.zeros((2, 3, 3))) == pytest.approx([0, 0])
+    several = np.random.default_rng(6).normal(size=(4, 5, 3, 3))
+    several[0, 0, 2] = several[0, 0, 1]
+    expected = 1 / np.linalg.cond(several, 1)
+    np.testing.assert_allclose(reciprocal_condition(several), expected, rtol=1e-12, atol=1e-15)
