@@ -22,10 +22,11 @@ from pathlib import Path
 from typing import overload
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sldvexp.errors import UserError
 from sldvexp.files import read_text, require_file, with_check_line
-from sldvexp.typing import Array, IntArray
+from sldvexp.typing import Array, BoolArray, IntArray
 from sldvexp.units import LengthUnit, Unit
 
 AXES = ("x", "y", "z")
@@ -36,22 +37,56 @@ MISSING |= {"1.#qnan", "-1.#ind", "nan(ind)"}
 COORDINATES = f"x_U, y_U, z_U with U one of {', '.join(LengthUnit.__members__)}"
 
 
-class EvenRows(Sequence[tuple[str, ...]]):
-    """Rows that have as many cells as there are columns, one cell after the other.
+#: Rows whose numbers are read together, so that what is in between stays in the cache.
+ROWS_AT_ONCE = 2**14
+#: Powers of ten that are exact, and digits of whole numbers that are: the quotient of both is the
+#: number that is nearest to the text, as `float` finds it.
+POWERS, EXACT_DIGITS = 10.0 ** np.arange(23), 15
 
-    A million of them are a list, where tuples would be a million.
+
+class EvenRows(Sequence[tuple[str, ...]]):
+    """Rows that have as many cells as there are columns, as places in their text.
+
+    Cells of a million rows would take a gigabyte as texts of their own.
 
     Parameters
     ----------
-    cells : list of str
-    columns : int
+    text : str
+        Of ASCII.
+    ends : ndarray of int, shape (row, column)
+        Places behind the cells; the next cell begins one further.
+    first : int
+        Where the first row begins.
     """
 
-    def __init__(self, cells: list[str], columns: int) -> None:
-        self.cells, self.columns = cells, columns
+    def __init__(self, text: str, ends: NDArray[np.int32], first: int) -> None:
+        self.text, self.ends = text, ends
+        self.starts = np.empty_like(ends)
+        if ends.size:
+            self.starts.reshape(-1)[0] = first
+            self.starts.reshape(-1)[1:] = ends.reshape(-1)[:-1] + 1
+        self._raw = np.frombuffer(text.encode(), np.uint8)
+
+    def column(self, k: int) -> list[str]:
+        """Give the cells of a column."""
+        pairs = zip(self.starts[:, k].tolist(), self.ends[:, k].tolist(), strict=True)
+        return [self.text[start:end] for start, end in pairs]
+
+    def floats(self, k: int) -> Array:
+        """Convert a column to numbers; NaN where a cell is none."""
+        found = np.empty(len(self))
+        for first in range(0, len(self), ROWS_AT_ONCE):
+            some = slice(first, first + ROWS_AT_ONCE)
+            start, end = self.starts[some, k], self.ends[some, k]
+            values, plain = _plain_numbers(self._raw, start, end)
+            others = np.flatnonzero(~plain)
+            pairs = zip(start[others].tolist(), end[others].tolist(), strict=True)
+            values[others] = _floats([self.text[i:j] for i, j in pairs])
+            found[some] = values
+        return found
 
     def __len__(self) -> int:
-        return len(self.cells) // self.columns
+        return len(self.ends)
 
     @overload
     def __getitem__(self, row: int) -> tuple[str, ...]: ...
@@ -62,8 +97,8 @@ class EvenRows(Sequence[tuple[str, ...]]):
     def __getitem__(self, row: int | slice) -> tuple[str, ...] | list[tuple[str, ...]]:
         if isinstance(row, slice):
             return [self[k] for k in range(*row.indices(len(self)))]
-        first = self.columns * range(len(self))[row]
-        return tuple(self.cells[first : first + self.columns])
+        pairs = zip(self.starts[row].tolist(), self.ends[row].tolist(), strict=True)
+        return tuple(self.text[start:end] for start, end in pairs)
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,13 +157,14 @@ class TextTable:
         UserError
             If a row has more or fewer cells than there are columns.
         """
-        return self._columns[self.header.index(name)] if self.rows else []
+        k = self.header.index(name)
+        if isinstance(self.rows, EvenRows):
+            return self.rows.column(k)
+        return self._columns[k] if self.rows else []
 
     @cached_property
     def _columns(self) -> list[list[str]]:
         count = len(self.header)
-        if isinstance(self.rows, EvenRows):
-            return [self.rows.cells[k::count] for k in range(count)]
         for i in np.flatnonzero(np.fromiter(map(len, self.rows), int) != count).tolist():
             row = self.rows[i]
             if any("\n" in cell for cell in row):
@@ -139,11 +175,9 @@ class TextTable:
 
     def floats(self, name: str) -> Array:
         """Convert a column to numbers; NaN where a cell is none."""
-        cells = self.column(name)
-        if not "".join(cells).encode().translate(None, DIGITS_AND_SIGNS):
-            with suppress(ValueError):  # an empty cell, or more signs than a number has
-                return np.fromiter(map(float, cells), float, len(cells))
-        return np.array([_float(cell) for cell in cells], float)
+        if isinstance(self.rows, EvenRows):
+            return self.rows.floats(self.header.index(name))
+        return _floats(self.column(name))
 
     def numbers(self, columns: Sequence[str], of: Sequence[str] = ()) -> Array:
         """Convert columns to finite numbers, in the file's units.
@@ -291,15 +325,15 @@ def _even_rows(text: str, delimiter: str) -> tuple[list[str], range, EvenRows] |
     text = text.removesuffix("\n")
     header = text.partition("\n")[0].split(delimiter)
     raw = np.frombuffer(f"{text}\n".encode(), np.uint8)
-    ends = raw[(raw == ord(delimiter)) | (raw == ord("\n"))] == ord("\n")
+    places = np.flatnonzero((raw == ord(delimiter)) | (raw == ord("\n"))).astype(np.int32)
     columns = len(header)
-    if len(ends) % columns or not text:
+    if len(places) % columns or not text:
         return None
-    lines = ends.reshape(-1, columns)
+    ends = places.reshape(-1, columns)
+    lines = raw[ends] == ord("\n")
     if lines[:, :-1].any() or not lines[:, -1].all():
         return None
-    cells = text.replace("\n", delimiter).split(delimiter)
-    return header, range(1, len(lines) + 1), EvenRows(cells[columns:], columns)
+    return header, range(1, len(lines) + 1), EvenRows(text, ends[1:], int(ends[0, -1]) + 1)
 
 
 def _delimiter(text: str) -> str:
@@ -497,3 +531,44 @@ def stated_or_given(
 def _float(text: str) -> float:
     """Convert text to a number, NaN if it is none."""
     return float(text) if NUMBER.fullmatch(text) else math.nan
+
+
+def _floats(cells: Sequence[str]) -> Array:
+    """Convert cells to numbers; NaN where one is none."""
+    if not "".join(cells).encode().translate(None, DIGITS_AND_SIGNS):
+        with suppress(ValueError):  # an empty cell, or more signs than a number has
+            return np.fromiter(map(float, cells), float, len(cells))
+    return np.array([_float(cell) for cell in cells], float)
+
+
+def _plain_numbers(
+    raw: NDArray[np.uint8], start: NDArray[np.int32], end: NDArray[np.int32]
+) -> tuple[Array, BoolArray]:
+    """Convert cells of a sign, few digits and a point, all at once, to the numbers of `float`.
+
+    Returns
+    -------
+    values : ndarray, shape (cell,)
+    plain : ndarray of bool, shape (cell,)
+        Cells that are no more than that; others have no value.
+    """
+    length, last = end - start, len(raw) - 1
+    whole, digits = np.zeros(len(start), np.int64), np.zeros(len(start), np.int8)
+    behind, point = np.zeros(len(start), np.int8), np.zeros(len(start), bool)
+    sign = raw[np.minimum(start, last)]
+    negative = (sign == ord("-")) & (length > 0)
+    signed = negative | ((sign == ord("+")) & (length > 0))
+    plain = length <= 1 + 1 + EXACT_DIGITS
+    for k in range(min(int(length.max(initial=0)), 1 + 1 + EXACT_DIGITS)):
+        here = length > k
+        value = raw[np.minimum(start + k, last)] - np.uint8(ord("0"))
+        digit = here & (value < 10)
+        dot = here & (value == np.uint8(ord(".") - ord("0") + 256))
+        plain &= ~here | digit | (dot & ~point) | (signed if k == 0 else False)
+        whole = np.where(digit, 10 * whole + value, whole)
+        digits += digit
+        behind += digit & point
+        point |= dot
+    plain &= (digits > 0) & (digits <= EXACT_DIGITS)
+    values = whole / POWERS[behind]
+    return np.where(negative, -values, values), plain

@@ -99,7 +99,7 @@ def read_csv(path: Path, unit: VelocityUnit | None, layout: FileLayout = OWN) ->
     factor = units.velocity or UNSTATED_VELOCITY.value
     hertz = units.frequency or UNSTATED_FREQUENCY
     columns = {c: _checked(table, c, layout, questions) for c in table.header}
-    keys = {c: list(columns[c]) for c in ORDER if c in columns}
+    keys = {c: columns[c] for c in ORDER if c in columns}
     labels, shape, where = _cells(table, keys, layout, questions)
     texts = ((f", line {line}", text) for line, text in table.comments)
     odd = compare_texts(texts, unit, units, layout, path, questions)
@@ -182,7 +182,10 @@ def _position(
 
 
 def _cells(
-    table: TextTable, keys: dict[str, list[Any]], layout: FileLayout, questions: Questions
+    table: TextTable,
+    keys: dict[str, list[str] | Array],
+    layout: FileLayout,
+    questions: Questions,
 ) -> tuple[list[list[Any]], tuple[int, ...], IndexArray]:
     """Find the labels along `ORDER`, how many there are of each, and the cell of every row.
 
@@ -191,19 +194,17 @@ def _cells(
     UserError
         If a combination is there twice; if it is missing and none may be, that is asked about.
     """
-    labels = [list(dict.fromkeys(keys.get(c, [None]))) for c in ORDER]
+    nothing = [None], np.zeros(len(table.rows), int)
+    found = [_numbered(keys[c]) if c in keys else nothing for c in ORDER]
+    labels: list[list[Any]] = [axis for axis, _ in found]
+    position = [place for _, place in found]
     shape = tuple(len(axis) for axis in labels)
-    position = [np.zeros(len(table.rows), int) for _ in ORDER]
-    for k, (c, axis) in enumerate(zip(ORDER, labels, strict=True)):
-        if c in keys:
-            place = {label: i for i, label in enumerate(axis)}
-            position[k] = np.array([place[label] for label in keys[c]])
     where = np.ravel_multi_index(position, shape)
 
     def told(at: Iterable[int]) -> str:
         """Name a cell, ``view 2, frequency 450``, as the first row of each label has it."""
         own = ((c, axis[i]) for c, axis, i in zip(ORDER, labels, at, strict=True) if c in keys)
-        return ", ".join(f"{c} {table.column(c)[keys[c].index(label)]}" for c, label in own)
+        return ", ".join(f"{c} {table.column(c)[list(keys[c]).index(label)]}" for c, label in own)
 
     cells, first = np.unique(where, return_index=True)
     if len(cells) < len(where):
@@ -224,6 +225,17 @@ def _cells(
             "rows of the same points and frequencies"
         )
     return labels, shape, where
+
+
+def _numbered(keys: list[str] | Array) -> tuple[list[Any], IndexArray]:
+    """List labels once each, in the order of their rows, and find which of them every row has."""
+    if isinstance(keys, np.ndarray):
+        values, first, place = np.unique(keys, return_index=True, return_inverse=True)
+        order = np.argsort(first)
+        return list(values[order]), np.argsort(order)[place]
+    labels = list(dict.fromkeys(keys))
+    number = {label: i for i, label in enumerate(labels)}
+    return labels, np.fromiter(map(number.__getitem__, keys), np.intp, len(keys))
 
 
 def _table(
@@ -301,28 +313,31 @@ def _checked(
         If a name is empty, or a number is not finite or too small; a missing value is asked about
         unless it may be missing.
     """
-    cells = table.column(column)
     if column in ("view", "point"):
-        bad, right = [not cell for cell in cells], "must be a name"
-    else:
-        least, right = LEAST.get(column, (-np.inf, "must be a finite number"))
-        values = table.floats(column)
-        known = np.isfinite(values) & (values >= least)
-        empty = [
-            int(row)
-            for row in np.flatnonzero(np.isnan(values))
-            if column in VALUES and cells[row].lower() in MISSING
-        ]
-        known[empty] = True
-        bad = (~known).tolist()
-        if empty and not layout.gaps:
-            row = empty[0]
-            message = f"{table.where(row)}: {column} {right}, not {cells[row]!r}"
-            _ask_incomplete(message, table.path, questions)
-    if True in bad:
-        row = bad.index(True)
+        names = table.column(column)
+        if "" in names:
+            raise UserError(f"{table.where(names.index(''))}: {column} must be a name, not ''")
+        return names
+    least, right = LEAST.get(column, (-np.inf, "must be a finite number"))
+    values = table.floats(column)
+    known = np.isfinite(values) & (values >= least)
+    if known.all():
+        return values
+    cells = table.column(column)
+    empty = [
+        int(row)
+        for row in np.flatnonzero(np.isnan(values))
+        if column in VALUES and cells[row].lower() in MISSING
+    ]
+    known[empty] = True
+    if empty and not layout.gaps:
+        row = empty[0]
+        message = f"{table.where(row)}: {column} {right}, not {cells[row]!r}"
+        _ask_incomplete(message, table.path, questions)
+    if not known.all():
+        row = int(np.argmin(known))
         raise UserError(f"{table.where(row)}: {column} {right}, not {cells[row]!r}")
-    return cells if column in ("view", "point") else values
+    return values
 
 
 def _ask_incomplete(message: str, path: Path, questions: Questions) -> None:

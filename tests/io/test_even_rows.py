@@ -1,0 +1,47 @@
+"""Tables whose rows are read at once: the cells and numbers that reading them one by one gives."""
+
+from __future__ import annotations
+
+import random
+
+import numpy as np
+import pytest
+
+from sldvexp.io import read_table
+
+ODD = (
+    "", "-", "+", "nan", "inf", "1e5", "-1.5E-3", ".5", "5.", "-.5", "+3", "--1", "1-", "1.2.3",
+    "abc", "-0", "0x1", "1_0", "00012.5", ".", "0.1234567890123456789", "9007199254740993",
+)  # fmt: skip
+
+
+def one_by_one(cell):
+    try:
+        return np.nan if "_" in cell else float(cell)
+    except ValueError:
+        return np.nan
+
+
+@pytest.mark.parametrize("rows", [1, 40_000])
+def test_cells_and_numbers_are_those_of_the_text(tmp_path, rows):
+    """To the last bit, in columns of numbers alone and in those with anything else."""
+    draw = random.Random(1)
+    kinds = (
+        lambda: f"{draw.uniform(-9, 9):.{draw.randrange(14)}f}",
+        lambda: repr(draw.gauss(0, 1e3)),
+        lambda: f"{draw.gauss(0, 1):.6e}",
+        lambda: str(draw.randrange(10 ** draw.randrange(1, 19))),
+        lambda: draw.choice(ODD),
+    )
+    cells = [[kinds[0](), kinds[3](), draw.choice(kinds)()] for _ in range(rows)]
+    path = tmp_path / "rows.csv"
+    path.write_text("a,b,c\n" + "".join(",".join(row) + "\n" for row in cells))
+    table = read_table(path)
+    assert list(table.rows) == [tuple(row) for row in cells]
+    for k, name in enumerate("abc"):
+        column = [row[k] for row in cells]
+        assert table.column(name) == column
+        expected = np.array([one_by_one(cell) for cell in column])
+        found = table.floats(name)
+        np.testing.assert_array_equal(found, expected)
+        np.testing.assert_array_equal(np.signbit(found), np.signbit(expected))
