@@ -175,12 +175,12 @@ def find_pointing(
     UserError
         If the edges of a circle make no ellipse.
     """
-    found, fits = _of_view(PointingInputs(_digest(edges, laser), edges, laser))
+    found, fits = _of_view(EdgesAndLaser(_digest(edges, laser), edges, laser))
     return found, list(fits)
 
 
 @dataclass(frozen=True)
-class PointingInputs:
+class EdgesAndLaser:
     """Edges of a view and the laser, known by their digest."""
 
     digest: bytes
@@ -202,7 +202,7 @@ def _digest(edges: Sequence[ScanLineEdges], laser: TwoMirror) -> bytes:
 
 
 @lru_cache(maxsize=VIEWS_KEPT)
-def _of_view(content: PointingInputs) -> tuple[Pointing, list[CircleFit]]:
+def _of_view(content: EdgesAndLaser) -> tuple[Pointing, list[CircleFit]]:
     """Find both; methods that are compared, and runs of a sweep over them, have them in common."""
     edges, laser = content.edges, content.laser
     groups = [list(range(len(edges)))]

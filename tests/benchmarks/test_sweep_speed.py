@@ -83,7 +83,10 @@ def test_overhead_of_a_run_that_does_nothing(tmp_path, ours, bare_program, cost_
 
 
 def test_many_runs_in_one_process_cost_no_more_each(tmp_path):
-    """The last of a thousand runs cost what the first did."""
+    """The last of a thousand runs cost what the first did: 80 to 100 ms of processor time each.
+
+    The disk is waited for six times a run, so that elapsed time is no measure of it.
+    """
     call = [sys.executable, "-c", MARKED, "-m", *NOTHING, f"seed=range(0,{MANY})"]
     call += ["hydra.sweep.dir=many"]
     done = subprocess.run(call, cwd=tmp_path, capture_output=True, text=True, check=False)
