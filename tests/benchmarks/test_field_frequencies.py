@@ -25,7 +25,7 @@ from sldvexp.reconstruction import Absolute, Contravariant, Reconstruction
 
 FULL_SIZE = os.environ.get("SLDVEXP_BENCHMARK") == "1"
 SHAPE, PIXELS, FREQUENCIES = ((48, 48), 60, 256) if FULL_SIZE else ((4, 4), 12, 12)
-#: Times one frequency.
+#: Times one frequency; of the first of the methods 5.1 was measured on a busy machine.
 MOST_TIME = 15.0
 #: Bounds of many frequencies leave out what is below the noise (see `FrequencyModes`): 0.2 % here.
 SAME, SAME_BOUNDS = 1e-12, 0.01
