@@ -18,7 +18,7 @@ import numpy as np
 
 from sldvexp.field.bounds.compiled import CompiledKernels, kernels_for
 from sldvexp.field.bounds.sparse_inverse_rows import (
-    Surroundings,
+    NearNodes,
     block_rows,
     diagonal_blocks,
     rings_of,
@@ -159,7 +159,7 @@ class NearInverse:
         line = inverse_line(system)
         for own in parts.own_nodes():
             try:
-                Surroundings.of_own(system.graph, own, rings).factor(system)
+                NearNodes.of_own(system.graph, own, rings).factor(system)
             except RuntimeError:
                 raise undetermined_nodes(system) from None
         mean = system.line.sum(axis=1)[:, None, None, None] * system.surface_sums

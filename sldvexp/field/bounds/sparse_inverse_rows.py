@@ -37,7 +37,7 @@ def rings_of(rule: SampleRule) -> int:
 
 
 @dataclass(frozen=True, eq=False)
-class Surroundings:
+class NearNodes:
     """Some own nodes of a surface, and those that rows of the inverse for these depend on.
 
     Attributes
@@ -63,12 +63,12 @@ class Surroundings:
     colour: IndexArray
 
     @classmethod
-    def of_own(cls, graph: Graph, own: IndexArray, rings: int) -> Surroundings:
+    def of_own(cls, graph: Graph, own: IndexArray, rings: int) -> NearNodes:
         """Find what is around some ascending nodes whose rows reach so many rings of neighbours.
 
         A method's system and that of the least variance have one graph, so that the latest is kept.
         """
-        return _surroundings(graph, np.asarray(own, np.intp).tobytes(), rings)
+        return _near_nodes(graph, np.asarray(own, np.intp).tobytes(), rings)
 
     def factor(self, system: NormalEquations) -> scipy.sparse.linalg.SuperLU:
         """Factorise what a system's surface has between these nodes.
@@ -91,7 +91,7 @@ class Surroundings:
 
 
 @lru_cache(maxsize=1)
-def _surroundings(graph: Graph, own: bytes, rings: int) -> Surroundings:
+def _near_nodes(graph: Graph, own: bytes, rings: int) -> NearNodes:
     of_own = np.frombuffer(own, np.intp)
     nodes = graph.around(of_own, rings + RINGS_BEYOND)
     entries = graph.entries[nodes][:, nodes]
@@ -103,7 +103,7 @@ def _surroundings(graph: Graph, own: bytes, rings: int) -> Surroundings:
     # Columns of nodes that are more than twice as far apart as rows reach do not meet.
     colour = colours((reach @ reach.T).astype(bool))
     last = _last_ring(reach, within(neighbours, places, rings - 1))
-    return Surroundings(nodes, places, entries, reach, last, colour)
+    return NearNodes(nodes, places, entries, reach, last, colour)
 
 
 def surface_rows(
@@ -125,7 +125,7 @@ def surface_rows(
     -------
     bsr_array, shape (own * block, place * block)
     """
-    around, block = Surroundings.of_own(system.graph, own, rings), system.block
+    around, block = NearNodes.of_own(system.graph, own, rings), system.block
     factor, reach, colour = around.firm_factor(system), around.reach, around.colour
     row, count = np.repeat(np.arange(len(own)), np.diff(reach.indptr)), len(around.nodes)
     data = np.empty((reach.nnz, block, block))
