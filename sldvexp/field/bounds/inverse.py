@@ -163,8 +163,11 @@ class NearInverse:
             except RuntimeError:
                 raise undetermined_nodes(system) from None
         mean = system.line.sum(axis=1)[:, None, None, None] * system.surface_sums
-        turn = np.linalg.pinv(system.lumped, rcond=1e-10, hermitian=True) @ mean
-        far = np.abs(np.linalg.eigvals(turn) - 1).max(axis=(0, 2)) > ODD
+        # Layer by layer, as what is in between takes several times as much as the result.
+        turn, far = np.empty_like(mean), np.zeros(system.graph.nodes, bool)
+        for layer, own in enumerate(system.lumped):
+            turn[layer] = np.linalg.pinv(own, rcond=1e-10, hermitian=True) @ mean[layer]
+            far |= np.abs(np.linalg.eigvals(turn[layer]) - 1).max(axis=1) > ODD
         odd = system.graph.neighbours @ far.astype(float) > 0
         return cls(system, line, turn, odd, rings)
 
