@@ -18,7 +18,7 @@ import numpy as np
 
 from sldvexp.field.bounds.compiled import CompiledKernels, kernels_for
 from sldvexp.field.bounds.sparse_inverse_rows import (
-    NearSurface,
+    NearNodes,
     block_rows,
     diagonal_blocks,
     rings_of,
@@ -159,12 +159,15 @@ class NearInverse:
         line = inverse_line(system)
         for own in parts.own_nodes():
             try:
-                NearSurface.of_own(system.graph, own, rings).factor(system)
+                NearNodes.of_own(system.graph, own, rings).factor(system)
             except RuntimeError:
                 raise undetermined_nodes(system) from None
         mean = system.line.sum(axis=1)[:, None, None, None] * system.surface_sums
-        turn = _pseudo_inverse(system.lumped) @ mean
-        far = _differ(turn).any(axis=0)
+        # Layer by layer, as what is in between takes several times as much as the result.
+        turn, far = np.empty_like(mean), np.zeros(system.graph.nodes, bool)
+        for layer, own in enumerate(system.lumped):
+            turn[layer] = _pseudo_inverse(own) @ mean[layer]
+            far |= _differ(turn[layer])
         odd = system.graph.neighbours @ far.astype(float) > 0
         return cls(system, line, turn, odd, rings)
 

@@ -37,7 +37,7 @@ def rings_of(rule: SampleRule) -> int:
 
 
 @dataclass(frozen=True, eq=False)
-class NearSurface:
+class NearNodes:
     """Some own nodes of a surface, and those that rows of the inverse for these depend on.
 
     Attributes
@@ -63,12 +63,12 @@ class NearSurface:
     colour: IndexArray
 
     @classmethod
-    def of_own(cls, graph: Graph, own: IndexArray, rings: int) -> NearSurface:
+    def of_own(cls, graph: Graph, own: IndexArray, rings: int) -> NearNodes:
         """Find what is around some ascending nodes whose rows reach so many rings of neighbours.
 
         A method's system and that of the least variance have one graph, so that the latest is kept.
         """
-        return _near_surface(graph, np.asarray(own, np.intp).tobytes(), rings)
+        return _near_nodes(graph, np.asarray(own, np.intp).tobytes(), rings)
 
     def factor(self, system: NormalEquations) -> scipy.sparse.linalg.SuperLU:
         """Factorise what a system's surface has between these nodes.
@@ -91,7 +91,7 @@ class NearSurface:
 
 
 @lru_cache(maxsize=1)
-def _near_surface(graph: Graph, own: bytes, rings: int) -> NearSurface:
+def _near_nodes(graph: Graph, own: bytes, rings: int) -> NearNodes:
     of_own = np.frombuffer(own, np.intp)
     nodes = graph.around(of_own, rings + RINGS_BEYOND)
     entries = graph.entries[nodes][:, nodes]
@@ -103,7 +103,7 @@ def _near_surface(graph: Graph, own: bytes, rings: int) -> NearSurface:
     reach = within_both(inner, neighbours)
     # Columns of nodes that are more than twice as far apart as rows reach do not meet.
     colour = colours(within_both(reach, scipy.sparse.csr_array(reach.T)))
-    return NearSurface(nodes, places, entries, reach, _last_ring(reach, inner), colour)
+    return NearNodes(nodes, places, entries, reach, _last_ring(reach, inner), colour)
 
 
 def surface_rows(
@@ -125,7 +125,7 @@ def surface_rows(
     -------
     bsr_array, shape (own * block, place * block)
     """
-    around, block = NearSurface.of_own(system.graph, own, rings), system.block
+    around, block = NearNodes.of_own(system.graph, own, rings), system.block
     factor, reach, colour = around.firm_factor(system), around.reach, around.colour
     row, count = np.repeat(np.arange(len(own)), np.diff(reach.indptr)), len(around.nodes)
     data = np.empty((reach.nnz, block, block))

@@ -113,6 +113,8 @@ class LineOfSight:
         for name, labels in (("view", self.view), ("point", self.point or [])):
             if len(set(labels)) != len(labels):
                 raise UserError(f"{self.source}: a {name} is named twice in {', '.join(labels)}")
+            if not ACTING.search("\n".join(labels)):
+                continue
             if acting := [label for label in labels if ACTING.search(label)]:
                 raise UserError(
                     f"{self.source}: the {name} {acting[0]!a} has characters in its name that "
