@@ -39,6 +39,8 @@ COORDINATES = f"x_U, y_U, z_U with U one of {', '.join(LengthUnit.__members__)}"
 
 #: Rows whose numbers are read together, so that what is in between stays in the cache.
 ROWS_AT_ONCE = 2**14
+#: Places in a text up to here take half the memory.
+LARGEST_SMALL = np.iinfo(np.int32).max
 #: Powers of ten that are exact, and digits of whole numbers that are: the quotient of both is the
 #: number that is nearest to the text, as `float` finds it.
 POWERS, EXACT_DIGITS = 10.0 ** np.arange(23), 15
@@ -59,7 +61,7 @@ class EvenRows(Sequence[tuple[str, ...]]):
         Where the first row begins.
     """
 
-    def __init__(self, text: str, ends: NDArray[np.int32], first: int) -> None:
+    def __init__(self, text: str, ends: NDArray[np.signedinteger], first: int) -> None:
         self.text, self.ends = text, ends
         self.starts = np.empty_like(ends)
         if ends.size:
@@ -325,7 +327,8 @@ def _even_rows(text: str, delimiter: str) -> tuple[list[str], range, EvenRows] |
     text = text.removesuffix("\n")
     header = text.partition("\n")[0].split(delimiter)
     raw = np.frombuffer(f"{text}\n".encode(), np.uint8)
-    places = np.flatnonzero((raw == ord(delimiter)) | (raw == ord("\n"))).astype(np.int32)
+    small: type[np.signedinteger] = np.int32 if len(raw) <= LARGEST_SMALL else np.int64
+    places = np.flatnonzero((raw == ord(delimiter)) | (raw == ord("\n"))).astype(small)
     columns = len(header)
     if len(places) % columns or not text:
         return None
@@ -542,7 +545,7 @@ def _floats(cells: Sequence[str]) -> Array:
 
 
 def _plain_numbers(
-    raw: NDArray[np.uint8], start: NDArray[np.int32], end: NDArray[np.int32]
+    raw: NDArray[np.uint8], start: NDArray[np.signedinteger], end: NDArray[np.signedinteger]
 ) -> tuple[Array, BoolArray]:
     """Convert cells of a sign, few digits and a point, all at once, to the numbers of `float`.
 

@@ -7,7 +7,7 @@ import random
 import numpy as np
 import pytest
 
-from sldvexp.io import read_table
+from sldvexp.io import read_table, tables
 
 ODD = (
     "", "-", "+", "nan", "inf", "1e5", "-1.5E-3", ".5", "5.", "-.5", "+3", "--1", "1-", "1.2.3",
@@ -45,3 +45,11 @@ def test_cells_and_numbers_are_those_of_the_text(tmp_path, rows):
         found = table.floats(name)
         np.testing.assert_array_equal(found, expected)
         np.testing.assert_array_equal(np.signbit(found), np.signbit(expected))
+
+
+def test_places_of_a_long_text_are_wide_numbers(monkeypatch):
+    """A text of more than two gigabytes has places that 32 bits do not hold."""
+    monkeypatch.setattr(tables, "LARGEST_SMALL", 4)
+    _, _, rows = tables._even_rows("a,b\n1,2\n3,4\n", ",")
+    assert rows.ends.dtype == np.int64
+    np.testing.assert_array_equal(rows.floats(1), [2.0, 4.0])
