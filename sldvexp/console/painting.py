@@ -31,8 +31,8 @@ from sldvexp.typing import IntArray
 
 log = logging.getLogger(__name__)
 
-#: How long lines are gathered, s.
-GATHERED = 0.1
+#: How long lines are gathered, s: a picture may be half a second late, and each takes its own time.
+GATHERED = 0.2
 #: Side of the square in which an image is drawn, over its own.
 AROUND = 1.06
 #: The same where a rough pose tells about the image, and where a search goes on beyond this.

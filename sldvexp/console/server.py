@@ -184,6 +184,8 @@ class Server:
         loop, woken = asyncio.get_running_loop(), asyncio.Event()
 
         def wake() -> None:
+            if woken.is_set():  # it has not begun to read since
+                return
             with suppress(RuntimeError):  # a loop that has ended wakes nobody
                 loop.call_soon_threadsafe(woken.set)
 
