@@ -196,7 +196,7 @@ class Lattice(ImageMesh):
 
     def shape_functions(self, corners: Array, places: Array) -> tuple[Array, Array]:
         """Compute the corners' bilinear weights in a cell's own coordinates, with derivatives."""
-        u, v = _cell_coordinates(corners, places)
+        u, v = self.cell_coordinates(corners, places)
         weight, by_u, by_v = _bilinear(u, v)
         along_u, along_v = (np.einsum("nk,nki->ni", by, corners) for by in (by_u, by_v))
         area = cross(along_u, along_v)
@@ -205,17 +205,21 @@ class Lattice(ImageMesh):
         dv = np.stack([-along_u[:, 1], along_u[:, 0]], axis=-1) / area[:, None]
         return weight, by_u[..., None] * du[:, None] + by_v[..., None] * dv[:, None]
 
-    def slopes(self, at: Located, places: Array, values: Array) -> Array:
-        """Differentiate, see `ImageMesh.slopes`, by the cell's own coordinates.
+    def cell_coordinates(self, corners: Array, places: Array) -> tuple[Array, Array]:
+        """Find places in their cells, 0 to 1 from the first corner to the second and the fourth."""
+        return _cell_coordinates(corners, places)
 
-        These are sums of the weights; nothing is solved for them again.
+    def slopes(self, at: Located, places: Array, values: Array) -> Array:
+        """Differentiate, see `ImageMesh.slopes`, by the cell's own coordinates, values alone.
+
+        Weights that were found before are in the order of a matrix's columns by now.
         """
         place, value = self.vertices.T.copy(), values.T.copy()
         found = np.empty((2, len(at.corner), values.shape[1]))
         for first in range(0, len(at.corner), PLACES_AT_ONCE):
             some = slice(first, first + PLACES_AT_ONCE)
-            corner, w = at.corner[some].T.copy(), at.weight[some].T
-            u, v = w[1] + w[2], w[2] + w[3]
+            corner = at.corner[some].T.copy()
+            u, v = self.cell_coordinates(self.vertices[at.corner[some]], places[some])
             (x_u, y_u), (x_v, y_v) = _along(place, corner, u, v)
             f_u, f_v = _along(value, corner, u, v)
             area = x_u * y_v - y_u * x_v
@@ -268,6 +272,11 @@ class StraightLattice(Lattice):
             _interval(axis, x) for axis, x in ((rows, places[:, 0]), (columns, places[:, 1]))
         )
         return np.where(above | beside, -1, row * (len(columns) - 1) + column)
+
+    def cell_coordinates(self, corners: Array, places: Array) -> tuple[Array, Array]:
+        """Find places in their cells, see `Lattice.cell_coordinates`."""
+        u, v = ((places - corners[:, 0]) / (corners[:, 2] - corners[:, 0])).T
+        return u, v
 
     def shape_functions(self, corners: Array, places: Array) -> tuple[Array, Array]:
         """Compute the corners' bilinear weights in a cell's own coordinates, with derivatives."""
