@@ -12,10 +12,10 @@ from sldvexp.console.bench import AimingBench
 from sldvexp.console.board import NoticeBoard
 from sldvexp.console.marks import wanted
 from sldvexp.console.outlook import Outlook
-from sldvexp.console.spots import LookedAt, LookSpot, SpotsSeen
+from sldvexp.console.spots import LookedAt, LookSpot, SpotsSeen, spots_of
 from sldvexp.geometry import KnownPose, euler_from_rotation, rotation_from_vector
 from sldvexp.virtual_lab.lab import VirtualLab
-from tests.console.two_faces import made
+from tests.console.two_faces import area_of, made
 
 
 @pytest.fixture(scope="module")
@@ -98,6 +98,16 @@ def test_marks_that_are_taken_go_before_spots(looking, lab):
     assert max(looking.off(true)[1:]) < 150
 
 
+@pytest.mark.parametrize("edge", [(0, 40), (80, 40), (40, 0), (40, 80)])
+def test_what_reaches_an_edge_of_a_look_is_no_spot(edge):
+    """Its middle is not known."""
+    dac = np.stack(np.meshgrid(range(0, 90, 10), range(0, 90, 10)), axis=-1).reshape(-1, 2)
+    value = np.exp(-((dac - edge) ** 2).sum(axis=1) / 100)
+    inside = np.exp(-((dac - [40, 40]) ** 2).sum(axis=1) / 100)
+    assert len(list(spots_of(dac, inside, inside < 0, 10))) == 1
+    assert list(spots_of(dac, value, value < 0, 10)) == []
+
+
 def beside(pose, rng):
     """A pose some 22 mm and a degree beside another one, anyhow."""
     turn, shift = rng.standard_normal(3), rng.standard_normal(3)
@@ -161,8 +171,3 @@ def taken_for_another(found, seen, true):
         if off.min() < 200 and circle != k:
             return True
     return False
-
-
-def area_of(outline):
-    x, y = outline.T
-    return abs(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1))) / 2

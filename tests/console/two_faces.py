@@ -7,6 +7,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
+
+from sldvexp.typing import Array
 from sldvexp.virtual_lab.console import experiment
 
 FILES = {
@@ -90,6 +93,12 @@ def write_files(folder: Path) -> Path:
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(text)
     return folder
+
+
+def area_of(outline: Array) -> float:
+    """Compute the area within an outline, squared."""
+    x, y = outline.T
+    return float(abs(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1))) / 2)
 
 
 def made(folder: Path):
