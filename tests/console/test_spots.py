@@ -86,6 +86,19 @@ def test_a_near_look_takes_the_right_spot_or_asks_which(looking, lab):
         assert "which?" not in looking.bench.foresight(view).told
 
 
+def test_a_mark_tells_which_circle_a_near_look_shows(looking, lab):
+    """Without it this look asks; all predictions are known better, and not only moved."""
+    lab.use_view("4")
+    true = lab.true_dac(lab.calibration_object.center)
+    looking.do("view", name="4")
+    looking.do("move", to=np.rint(true[1]).astype(int).tolist())
+    looking.do("mark", kind="circle", number=2)
+    at = np.array(looking.bench.foresight("4").predicted["circle", 1])
+    looking.look(at - 4096, at + 4096)
+    assert "by 1 mark and 1 spot of the look" in looking.bench.foresight("4").told
+    assert looking.off(true)[0] < 20
+
+
 def test_marks_that_are_taken_go_before_spots(looking, lab):
     lab.use_view("3")
     true = lab.true_dac(lab.calibration_object.center)
