@@ -201,6 +201,18 @@ def test_who_moves_off_a_predicted_place_and_back_has_seen_the_mark(session):
     assert read_answer(session.folder / "a" / "mark_6.json")["answer"][2:] == ["unmoved"]
 
 
+def test_who_goes_back_to_a_predicted_place_by_g_has_seen_nothing(session):
+    first = [session.at(k) for k in (1, 2, 3, 4)]
+    session.press(*first, "g 1 up g enter")
+    assert read_answer(session.folder / "a" / "mark_5.json")["answer"][2:] == ["unmoved"]
+
+
+def test_a_mark_that_is_taken_back_and_again_where_it_was_stays_measured(session):
+    """No prediction brought the beam there, though nobody moves it now."""
+    session.press(*[session.at(k) for k in (1, 2, 3, 4)], "u enter")
+    assert session.kept()[4] == session.true[3]
+
+
 def test_a_mark_that_is_taken_back_is_named_and_no_other(session):
     keys = session.press(*map(session.at, (1, 2, 3, 4)), "u")
     back = keys.lines.index("mark 4 taken back: aim at it again")
