@@ -116,7 +116,14 @@ def test_who_types_lines_is_told_before_the_session_goes_on(session):
     np.testing.assert_array_equal(session.group["dac"].values[0], session.true)
 
 
-@pytest.mark.parametrize("by", [lambda s: typed(s, *[""] * 6), lambda s: s.press(*7 * ["enter"])])
+@pytest.mark.parametrize(
+    "by",
+    [
+        lambda s: typed(s, *6 * [""]),
+        lambda s: s.press(*8 * ["enter"]),
+    ],  # six marks; twice at the end
+    ids=["lines", "keys"],
+)
 def test_who_only_presses_enter_at_the_places_of_a_rough_pose_has_measured_nothing(
     composed, tmp_path, monkeypatch, by
 ):
