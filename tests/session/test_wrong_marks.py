@@ -118,10 +118,7 @@ def test_who_types_lines_is_told_before_the_session_goes_on(session):
 
 @pytest.mark.parametrize(
     "by",
-    [
-        lambda s: typed(s, *6 * [""]),
-        lambda s: s.press(*8 * ["enter"]),
-    ],  # six marks; twice at the end
+    [lambda s: typed(s, *6 * [""]), lambda s: s.press(*6 * ["enter"], "enter enter")],
     ids=["lines", "keys"],
 )
 def test_who_only_presses_enter_at_the_places_of_a_rough_pose_has_measured_nothing(
