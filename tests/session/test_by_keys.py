@@ -207,10 +207,14 @@ def test_who_goes_back_to_a_predicted_place_by_g_has_seen_nothing(session):
     assert read_answer(session.folder / "a" / "mark_5.json")["answer"][2:] == ["unmoved"]
 
 
-def test_a_mark_that_is_taken_back_and_again_where_it_was_stays_measured(session):
-    """No prediction brought the beam there, though nobody moves it now."""
+def test_a_mark_that_is_taken_back_and_again_where_it_was_is_measured_as_before(session):
+    """If no prediction brought the beam there, though nobody moves it now."""
     session.press(*[session.at(k) for k in (1, 2, 3, 4)], "u enter")
     assert session.kept()[4] == session.true[3]
+    session.press("g enter", "u enter")
+    assert session.kept()[5][2:] == ["unmoved"]
+    session.press("u 1 up enter", "h", "enter")
+    assert session.group["point"].values.tolist() == [1, 2, 3, 4, 5]
 
 
 def test_a_mark_that_is_taken_back_is_named_and_no_other(session):
