@@ -8,7 +8,7 @@ import pytest
 from sldvexp.console.drawing import drawn_layout
 from sldvexp.console.marks import wanted
 from sldvexp.console.outlook import Outlook
-from tests.console.two_faces import area_of, made
+from tests.console.two_faces import area_of, box_experiment
 
 
 def drawn(experiment):
@@ -28,7 +28,7 @@ def test_a_board_is_drawn_from_its_front(lab_experiment):
 
 
 def test_circles_of_two_faces_stand_apart_in_their_order(tmp_path):
-    at, marks, told = drawn(made(tmp_path))
+    at, marks, told = drawn(box_experiment(tmp_path))
     assert told == "obliquely"
     for left, right in ((1, 2), (4, 3), (5, 6), (8, 7)):
         assert at[left][0] < at[right][0]

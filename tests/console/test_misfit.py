@@ -12,7 +12,7 @@ from sldvexp.laser import TwoMirror, project
 from sldvexp.pose import Aiming, AimingPlace
 from sldvexp.virtual_lab.console import experiment
 from sldvexp.virtual_lab.lab import VirtualLab
-from tests.console.two_faces import made
+from tests.console.two_faces import box_experiment
 
 SEEDS = 16
 
@@ -114,7 +114,7 @@ def test_mark_is_compared_with_the_pose_of_all_marks_and_not_with_the_likeliest_
     tmp_path,
 ):
     """Of three marks that allow several poses the likeliest may be a wrong one."""
-    box = made(tmp_path)
+    box = box_experiment(tmp_path)
     outlook, lab = Outlook(box, wanted(box)), VirtualLab(box.scene, box.laser, box.target, 0)
     lab.use_view("4")
     places = list(outlook.places.values())[:4]

@@ -15,12 +15,12 @@ from sldvexp.console.outlook import Outlook
 from sldvexp.console.spots import LookedAt, LookSpot, SpotsSeen, spots_of
 from sldvexp.geometry import KnownPose, euler_from_rotation, rotation_from_vector
 from sldvexp.virtual_lab.lab import VirtualLab
-from tests.console.two_faces import area_of, made
+from tests.console.two_faces import area_of, box_experiment
 
 
 @pytest.fixture(scope="module")
 def box(tmp_path_factory):
-    return made(tmp_path_factory.mktemp("box"))
+    return box_experiment(tmp_path_factory.mktemp("box"))
 
 
 @pytest.fixture(scope="module")

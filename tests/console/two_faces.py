@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from sldvexp.config.experiment import Experiment
 from sldvexp.typing import Array
 from sldvexp.virtual_lab.console import experiment
 
@@ -101,6 +102,6 @@ def area_of(outline: Array) -> float:
     return float(abs(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1))) / 2)
 
 
-def made(folder: Path):
+def box_experiment(folder: Path) -> Experiment:
     """Make the experiment of such a folder."""
     return experiment(["experiment=bench"], str(write_files(folder)))
