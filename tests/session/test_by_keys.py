@@ -232,6 +232,13 @@ def test_g_says_which_of_several_places_it_goes_to(session):
     }
 
 
+def test_a_narrow_terminal_says_how_far_it_is_before_to_which_place(session, monkeypatch):
+    monkeypatch.setattr(Keys, "columns", 50)
+    keys = session.press(*map(session.at, (1, 2, 3)), "idle")
+    assert re.search(r"to go ([-+]\d+) ([-+]\d+)$", keys.shown[-1])
+    assert "to place" not in keys.shown[-1]
+
+
 def test_a_wrong_mark_is_told_when_it_is_taken_and_taken_again(session):
     right = [session.at(k) for k in (1, 2, 3, 4)]
     keys = session.press(
@@ -524,7 +531,7 @@ def test_five_marks_at_a_real_terminal(by_hand, composed, tmp_path):
     terminal.until("to go")
     terminal.type("g")
     terminal.until(f"beam {expected[1]} {expected[2]}  ")
-    terminal.type("\r")
+    terminal.type(f"1{UP}{DOWN}\r")
     shown = terminal.until("View a, mark 6 at ")
     assert "steps from where the others put it (+-" in shown
     terminal.type("h")
@@ -558,8 +565,8 @@ def test_five_invented_places_are_told_at_once_and_void(by_hand):
         terminal.type(f"={up_down} {left_right}\n\r")
     terminal.until("marks 1, 2, 3, 4 and 5 contradict one another by ")
     terminal.type("h")
-    terminal.until("Enter goes on")
-    terminal.type("\r")
+    terminal.until("Enter twice goes on")
+    terminal.type("\r\r")
     assert terminal.status() == 0, terminal.shown
     with dataset.load(by_hand.folder / "run.nc") as tree:
         found = tree["verdict"].load()
