@@ -80,7 +80,7 @@ def record_marks(scan: ByHand, at: ViewContext) -> dict[str, xr.Dataset]:
             "was measured: move the beam onto what is seen, and take each there"
         )
     if answers.unmoved:
-        at.findings.append(_unmoved(v, list(answers.unmoved), len(found)))
+        at.findings.append(_unmoved(v, sorted(answers.unmoved), len(found)))
     numbers = np.array([mark.number for mark, _ in found])
     position = np.array([mark.position for mark, _ in found])
     std = np.array([mark.std for mark, _ in found])

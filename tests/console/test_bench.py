@@ -92,6 +92,12 @@ def test_beam_goes_where_it_is_sent_and_not_beyond_the_board(bench, do, seen):
     assert bench._instrument.position == (4096, -4096)
 
 
+def test_circle_tells_also_where_it_was_predicted_since_the_scan_finds_its_middle(bench, do):
+    do("go", kind="circle", number=1, to=[120, -40])
+    do("mark", kind="circle", number=1)
+    assert bench.marks.telling("1") == {("circle", 1): (120, -40)}
+
+
 @pytest.mark.parametrize(
     "wish",
     [

@@ -319,8 +319,10 @@ export class Aim {
     const size = Math.max(width / (canvas.clientWidth || width), 1);  // on a small screen not smaller
     context.font = `bold ${13 * size}px sans-serif`;
     this.drawRegion(context, at);
-    const open = (this.marks.predicted ?? []).filter((mark) => !this.at(mark)).map((mark) => ({ ...mark, colour: "#19a3a3", text: `${nameOf(mark)}?` }));
-    const drawn = [...open, ...this.marks.marks.map((mark) => ({ ...mark, colour: "#2f9e3f", text: nameOf(mark) }))].map((mark) => ({ ...mark, at: at(mark.dac) })).filter((mark) => mark.at[0] >= 0 && mark.at[1] >= 0 && mark.at[0] <= width && mark.at[1] <= height);
+    const named = (mark, sure) => ({ ...mark, colour: sure ? "#2f9e3f" : "#19a3a3", text: `${nameOf(mark)}${sure ? "" : "?"}` });
+    const open = (this.marks.predicted ?? []).filter((mark) => !this.at(mark)).map((mark) => named(mark, false));
+    const taken = this.marks.marks.map((mark) => named(mark, !mark.unmoved));
+    const drawn = [...open, ...taken].map((mark) => ({ ...mark, at: at(mark.dac) })).filter((mark) => mark.at[0] >= 0 && mark.at[1] >= 0 && mark.at[0] <= width && mark.at[1] <= height);
     for (const mark of drawn) drawMark(context, mark.at, mark.kind, mark.colour, size);
     this.names = placeNames(context, drawn, (this.marks.outlines ?? []).map(({ points }) => points.map(at)), at(this.beam), size);
     for (const { text, kind, colour, box } of this.names) drawName(context, text, kind === "corner" ? CORNER : colour, box);
@@ -361,7 +363,7 @@ export class Aim {
   go() {
     const place = this.placeOf(this.chosen);
     if (!place) return;
-    this.page.wish("move", { to: place.map(Math.round) });
+    this.page.wish("go", { ...this.chosen, to: place.map(Math.round) });
     const { low, high } = this.map, now = high[0] - low[0], side = Math.min(now, CLOSE * (this.limits[1] - this.limits[0]));
     // The beam goes where it can be seen, with what is around it.
     if (side < now || place.some((b, k) => b < low[k] + AROUND * side || b > high[k] - AROUND * side)) this.window(place.map((b) => b - side / 2), place.map((b) => b + side / 2));
