@@ -130,9 +130,8 @@ class _Answers:
         self._opened = ExitStack()
         self._beam = HOME
         self.unmoved: set[int] = set()  # marks that were taken where they were predicted
-        self._again: dict[
-            int, tuple[Steps, bool]
-        ] = {}  # where marks were found that are open again
+        # Marks that are open again: where they were found, and if that was predicted.
+        self._again: dict[int, tuple[Steps, bool]] = {}
         self._kept: dict[int, Steps | None] = {}  # answers of the journal, as they were at first
 
     def all(self) -> dict[int, Steps | None]:
