@@ -505,7 +505,9 @@ function placeNames(context, marks, outlines, beam, size) {
       for (const [left, top] of [[c + gap, b - tall], [c + gap, middle[1]], [middle[0], d + gap], [middle[0], b - gap - tall], [a - gap - wide, middle[1]], [a - gap - wide, b - tall], [c + gap, d], [a - gap - wide, d]]) {
         const box = [left, top, left + wide, top + tall];
         const out = area(box) - covered(box, [0, 0, width, height]);
-        const cost = [...filled, ...small, ...placed.map((name) => name.box)].reduce((sum, other) => sum + covered(box, other), 2 * out);
+        const over = (boxes) => boxes.reduce((sum, other) => sum + covered(box, other), 0);
+        // Of two names over one another none can be read; marks and outlines can be seen through one.
+        const cost = over([...filled, ...small]) + 10 * over(placed.map((name) => name.box)) + 2 * out;
         // A name that lies nearer to another mark would name that one.
         const misled = marks.some((other) => other !== mark && away(other.at, box) <= away(mark.at, box)) ? area(box) / 2 : 0;
         if (!best || cost + misled < best.cost) best = { cost: cost + misled, box };
