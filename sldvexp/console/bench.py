@@ -304,6 +304,8 @@ class AimingBench:
         kind = text_of(wish, "kind")
         if kind not in self.wanted:
             raise UserError("the scan has no such marks")
+        if self._look is not None and kind != self.kind:
+            self._stop_look({})  # its other half would show what moves in another part
         self.kind = kind
         self._tell_marks()
 

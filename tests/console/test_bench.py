@@ -275,6 +275,14 @@ def test_look_is_stopped_and_a_move_comes_between_its_parts(bench, do, seen):
     assert (seen.look()["looking"], bench._look) == (False, None)
 
 
+def test_look_ends_when_marks_of_another_part_come_next_which_is_sampled_otherwise(bench, do, seen):
+    do("look", low=[-4096, -4096], high=[4096, 4096])
+    do("kind", kind="circle")
+    assert seen.look()["looking"]
+    do("kind", kind="corner")
+    assert (seen.look()["looking"], bench._look) == (False, None)
+
+
 def test_level_and_picture_are_told_where_the_beam_stands(bench, do, seen, lab):
     place = np.rint(lab.true_dac(lab.calibration_object.center[1])).astype(int).tolist()
     do("move", to=place)
