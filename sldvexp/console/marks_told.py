@@ -36,7 +36,8 @@ def marks_told(
             for name in sorted(found)
         ],
         "predicted": [
-            {**_named(name), "dac": list(steps)} for name, steps in ahead.predicted.items()
+            {**_named(name), "dac": list(steps), "instead": ahead.instead.get(name, [])}
+            for name, steps in ahead.predicted.items()
         ],
         "out": [{**_named(name), "why": w} for name, w in ahead.out.items() if name not in found],
         "outlines": [

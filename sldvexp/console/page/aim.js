@@ -158,9 +158,12 @@ export class Aim {
 
   at({ kind, number }, list = this.marks.marks) { return list.find((m) => m.kind === kind && m.number === number); }
 
-  placeOf(name) {
-    if (!name) return null;
-    return (this.at(name) ?? this.at(name, this.marks.predicted ?? []))?.dac ?? null;
+  placeOf(name) { return this.placesOf(name)[0] ?? null; }
+
+  /** Say where a mark is, or else is predicted and may be instead. */
+  placesOf(name) {
+    const set = name && this.at(name), guess = name && this.at(name, this.marks.predicted);
+    return set ? [set.dac] : guess ? [guess.dac, ...guess.instead] : [];
   }
 
   showMarks(word) {
@@ -361,9 +364,10 @@ export class Aim {
   }
 
   go() {
-    const place = this.placeOf(this.chosen);
-    if (!place) return;
-    this.page.wish("go", { ...this.chosen, to: place.map(Math.round) });
+    const places = this.placesOf(this.chosen), at = places.findIndex((dac) => dac.every((v, k) => v === this.beam[k]));
+    if (!places.length) return;
+    const place = places[(at + 1) % places.length];
+    this.page.wish("go", { ...this.chosen, to: place });
     const { low, high } = this.map, now = high[0] - low[0], side = Math.min(now, CLOSE * (this.limits[1] - this.limits[0]));
     // The beam goes where it can be seen, with what is around it.
     if (side < now || place.some((b, k) => b < low[k] + AROUND * side || b > high[k] - AROUND * side)) this.window(place.map((b) => b - side / 2), place.map((b) => b + side / 2));
