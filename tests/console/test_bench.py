@@ -92,6 +92,12 @@ def test_beam_goes_where_it_is_sent_and_not_beyond_the_board(bench, do, seen):
     assert bench._instrument.position == (4096, -4096)
 
 
+def test_circle_tells_also_where_it_was_predicted_since_the_scan_finds_its_middle(bench, do):
+    do("go", kind="circle", number=1, to=[120, -40])
+    do("mark", kind="circle", number=1)
+    assert bench.marks.telling("1") == {("circle", 1): (120, -40)}
+
+
 @pytest.mark.parametrize(
     "wish",
     [
@@ -266,6 +272,14 @@ def test_look_is_stopped_and_a_move_comes_between_its_parts(bench, do, seen):
     do("move", to=[7, 7])
     assert (seen.look()["beam"], bench._look is None) == ([7, 7], False)
     do("stop_look")
+    assert (seen.look()["looking"], bench._look) == (False, None)
+
+
+def test_look_ends_when_marks_of_another_part_come_next_which_is_sampled_otherwise(bench, do, seen):
+    do("look", low=[-4096, -4096], high=[4096, 4096])
+    do("kind", kind="circle")
+    assert seen.look()["looking"]
+    do("kind", kind="corner")
     assert (seen.look()["looking"], bench._look) == (False, None)
 
 

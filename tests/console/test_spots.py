@@ -81,6 +81,8 @@ def test_a_near_look_takes_the_right_spot_or_asks_which(looking, lab):
         if asks:
             assert "A spot of the look may be circle 1 or " in found.told
             assert "which? Look at a wider part" in found.told
+            ways = np.array(found.instead["circle", 1])
+            assert np.hypot(*(ways - true[0]).T).min() < 100  # one of them is it
             looking.look(at - 8192, at + 8192)
         assert looking.off(true)[0] < 100
         assert "which?" not in looking.bench.foresight(view).told
