@@ -153,7 +153,7 @@ def test_four_times_the_nodes(
 
     The largest is told and not judged: with 650,000 samples it is more than is kept in memory at
     once, so that it goes in parts. Their samples are looked at twice, for the equations and for
-    the bounds; measured 2.8 and 4.5 times as much without compiled kernels, on a busy machine.
+    the bounds; measured 2.8 and 4.2 times as much without compiled kernels, on a busy machine.
     """
     monkeypatch.setattr(compiled, "WORTHWHILE", sys.maxsize if path == "numpy" else 0)
     small = make_looks((18, 18), 20)  # of more unknowns than are inverted as a whole
