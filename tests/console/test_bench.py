@@ -312,13 +312,14 @@ def test_held_arrow_moves_on_and_stops_when_the_page_does_not_say_so_any_more(
 
 
 def test_lost_connection_in_mid_move_sends_the_mirrors_home_and_stops_the_generator(
-    far, wishes, lab
+    far, wishes, lab, monkeypatch
 ):
     bench, server = far
+    monkeypatch.setattr(bench_module, "HELD", 60.0)  # however long the four turns take
     wishes.put({"do": "hold", "by": [5, 100]})
     for _ in range(4):
         bench.turn()
-    assert lab.position[1] >= 200
+    assert lab.position == (15, 300)
     assert server.dialect.playing
     wishes.put({"do": "lost"})
     bench.turn()

@@ -7,7 +7,6 @@ import os
 
 import pytest
 
-import tests.console.served
 from tests.console.served import Page, Served
 from tests.console.two_faces import FILES, write_files
 from tests.report import devtools
@@ -21,7 +20,7 @@ USED += ("pose", "name", "write", "start", "slide-up", "flags", "layout-box")
 BOXES = """
 return Object.fromEntries(arguments[0].map((id) => {
   const b = document.getElementById(id).getBoundingClientRect();
-  return [id, [b.left, b.top, b.right, b.bottom].map((v) => Math.round(v + 0))];
+  return [id, [b.left, b.top, b.right, b.bottom].map((v) => Math.round(v))];
 }));
 """
 VIEWS = """
@@ -34,9 +33,7 @@ return [...document.querySelectorAll('#view li')].map((li) => {
 def served(tmp_path_factory):
     folder = tmp_path_factory.mktemp("two_faces")
     write_files(folder / "my")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(tests.console.served, "BENCH", FILES["experiment/bench.yaml"])
-        made = Served(folder)
+    made = Served(folder, bench=FILES["experiment/bench.yaml"])
     yield made
     made.end()
 

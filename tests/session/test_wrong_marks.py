@@ -116,14 +116,19 @@ def test_who_types_lines_is_told_before_the_session_goes_on(session):
     np.testing.assert_array_equal(session.group["dac"].values[0], session.true)
 
 
+@pytest.mark.parametrize(
+    "by",
+    [lambda s: typed(s, *6 * [""]), lambda s: s.press(*6 * ["enter"], "enter enter")],
+    ids=["lines", "keys"],
+)
 def test_who_only_presses_enter_at_the_places_of_a_rough_pose_has_measured_nothing(
-    composed, tmp_path, monkeypatch
+    composed, tmp_path, monkeypatch, by
 ):
     """All marks of a pose that is 30 mm beside: neither lines nor keys take them for measured."""
     where = "views={a: {pose: {origin: [0.31, 0.55, 1.66], look_at: [0.13, 0.15, 0]}}}"
     rough = Session(composed, tmp_path, monkeypatch, f"scan.{where}")
     with pytest.raises(UserError, match="every mark of the view a was taken where it was predict"):
-        typed(rough, *[""] * 6)
+        by(rough)
 
 
 @pytest.mark.whole
