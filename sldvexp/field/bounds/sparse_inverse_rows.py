@@ -3,7 +3,8 @@
 The inverse of a mass matrix decays by a factor of about 0.27 from one ring of neighbours to the
 next, so that rows end after a few rings. What lies beyond is taken to have the values of the last
 ring: then rows are exact for a field that is the same everywhere. Nodes get colours so that those
-of one colour are too far apart to meet, and all of a colour are solved as one right-hand side.
+of one colour are too far apart to matter to one another, and all of a colour are solved as one
+right-hand side.
 Matrices are sparse, of small blocks; some operations on these that scipy lacks are at the end.
 """
 
@@ -27,6 +28,10 @@ RINGS, MORE_RINGS = 3, 4
 #: Rings beyond those, with whose matrix rows are solved for: what lies further away changes them by
 #: 0.27 to the power of 13, at most by a millionth of their last ring.
 RINGS_BEYOND = 5
+#: Rings between rows of one colour, each of which errs by what the other still has there. Without
+#: any, the poses' standard errors of 36 thousand nodes err by 0.83 % (root mean square) and 29 % at
+#: worst, with two by 0.24 % and 6.6 %, as rows do that are solved one by one.
+RINGS_BETWEEN = 2
 #: Colours whose columns are solved together.
 COLOURS_AT_ONCE = 32
 
@@ -78,16 +83,10 @@ class NearNodes:
         RuntimeError
             If that is singular.
         """
-        return factorised(self._matrix(system))
-
-    def firm_factor(self, system: NormalEquations) -> scipy.sparse.linalg.SuperLU:
-        """Factorise the same where a part of it may be singular."""
-        return _firmly_factorised(self._matrix(system))
-
-    def _matrix(self, system: NormalEquations) -> scipy.sparse.csc_array:
         size, entries = len(self.nodes) * system.block, self.entries
         blocks = system.surface_blocks[entries.data], entries.indices, entries.indptr
-        return scipy.sparse.csc_array(scipy.sparse.bsr_array(blocks, shape=(size, size)))
+        matrix = scipy.sparse.bsr_array(blocks, shape=(size, size))
+        return factorised(scipy.sparse.csc_array(matrix))
 
 
 @lru_cache(maxsize=1)
@@ -101,8 +100,8 @@ def _near_nodes(graph: Graph, own: bytes, rings: int) -> NearNodes:
     places = np.searchsorted(nodes, of_own)
     inner = within(neighbours, places, rings - 1)
     reach = within_both(inner, neighbours)
-    # Columns of nodes that are more than twice as far apart as rows reach do not meet.
-    colour = colours(within_both(reach, scipy.sparse.csr_array(reach.T)))
+    beyond = within(neighbours, places, rings + RINGS_BETWEEN)
+    colour = colours(within_both(beyond, scipy.sparse.csr_array(reach.T)))
     return NearNodes(nodes, places, entries, reach, _last_ring(reach, inner), colour)
 
 
@@ -126,7 +125,7 @@ def surface_rows(
     bsr_array, shape (own * block, place * block)
     """
     around, block = NearNodes.of_own(system.graph, own, rings), system.block
-    factor, reach, colour = around.firm_factor(system), around.reach, around.colour
+    factor, reach, colour = around.factor(system), around.reach, around.colour
     row, count = np.repeat(np.arange(len(own)), np.diff(reach.indptr)), len(around.nodes)
     data = np.empty((reach.nnz, block, block))
     for first in range(0, int(colour.max()) + 1, COLOURS_AT_ONCE):
