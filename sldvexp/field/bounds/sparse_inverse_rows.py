@@ -11,7 +11,8 @@ Matrices are sparse, of small blocks; some operations on these that scipy lacks 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -29,8 +30,8 @@ RINGS, MORE_RINGS = 3, 4
 #: 0.27 to the power of 13, at most by a millionth of their last ring.
 RINGS_BEYOND = 5
 #: Rings between rows of one colour, each of which errs by what the other still has there. Without
-#: any, the poses' standard errors of 36 thousand nodes err by 0.83 % (root mean square) and 29 % at
-#: worst, with two by 0.24 % and 6.6 %, as rows do that are solved one by one.
+#: any, the poses' standard errors of 36 thousand nodes err by 0.83 % (root mean square) and by 18 %
+#: and more at worst, with two by 0.24 % and 7 %, as rows do that are solved one by one.
 RINGS_BETWEEN = 2
 #: Colours whose columns are solved together.
 COLOURS_AT_ONCE = 32
@@ -53,19 +54,14 @@ class NearNodes:
         Places of the own ones in `nodes`.
     entries : csr_array of int, shape (near, near)
         Places of their blocks among the graph's.
-    reach : csr_array of bool, shape (own, near)
-        How far rows of the own ones reach.
-    last : ndarray of bool, shape (entry,)
-        Entries of `reach` that are in its last ring.
-    colour : ndarray of int, shape (own,)
+    rings : int
+        How many rings of neighbours rows of the own ones reach.
     """
 
     nodes: IndexArray
     own: IndexArray
     entries: scipy.sparse.csr_array
-    reach: scipy.sparse.csr_array
-    last: BoolArray
-    colour: IndexArray
+    rings: int
 
     @classmethod
     def of_own(cls, graph: Graph, own: IndexArray, rings: int) -> NearNodes:
@@ -73,7 +69,48 @@ class NearNodes:
 
         A method's system and that of the least variance have one graph, so that the latest is kept.
         """
-        return _near_nodes(graph, np.asarray(own, np.intp).tobytes(), rings)
+        latest = _latest.get(graph)
+        if (
+            latest is not None
+            and latest.rings == rings
+            and np.array_equal(latest.nodes[latest.own], own)
+        ):
+            return latest
+        nodes = graph.around(own, rings + RINGS_BEYOND)
+        entries = graph.entries[nodes][:, nodes]
+        entries.sort_indices()
+        found = _latest[graph] = cls(nodes, np.searchsorted(nodes, own), entries, rings)
+        return found
+
+    @cached_property
+    def neighbours(self) -> scipy.sparse.csr_array:
+        """Nodes that share a triangle, also with themselves, shape (near, near), bool."""
+        ones = np.ones(len(self.entries.indices), bool)
+        places = ones, self.entries.indices, self.entries.indptr
+        return scipy.sparse.csr_array(places, shape=self.entries.shape)
+
+    @cached_property
+    def _inner(self) -> scipy.sparse.csr_array:
+        """`reach` without its last ring."""
+        return within(self.neighbours, self.own, self.rings - 1)
+
+    @cached_property
+    def reach(self) -> scipy.sparse.csr_array:
+        """How far rows of the own ones reach, shape (own, near), bool."""
+        return within_both(self._inner, self.neighbours)
+
+    @cached_property
+    def last(self) -> BoolArray:
+        """Entries of `reach` that are in its last ring."""
+        return _last_ring(self.reach, self._inner)
+
+    @cached_property
+    def colour(self) -> IndexArray:
+        """Colours of the own ones, shape (own,)."""
+        beyond = self.reach
+        for _ in range(RINGS_BETWEEN):
+            beyond = within_both(beyond, self.neighbours)
+        return colours(within_both(beyond, scipy.sparse.csr_array(self.reach.T)))
 
     def factor(self, system: NormalEquations) -> scipy.sparse.linalg.SuperLU:
         """Factorise what a system's surface has between these nodes.
@@ -89,20 +126,8 @@ class NearNodes:
         return factorised(scipy.sparse.csc_array(matrix))
 
 
-@lru_cache(maxsize=1)
-def _near_nodes(graph: Graph, own: bytes, rings: int) -> NearNodes:
-    of_own = np.frombuffer(own, np.intp)
-    nodes = graph.around(of_own, rings + RINGS_BEYOND)
-    entries = graph.entries[nodes][:, nodes]
-    entries.sort_indices()
-    ones = np.ones(len(entries.indices), bool)
-    neighbours = scipy.sparse.csr_array((ones, entries.indices, entries.indptr), entries.shape)
-    places = np.searchsorted(nodes, of_own)
-    inner = within(neighbours, places, rings - 1)
-    reach = within_both(inner, neighbours)
-    beyond = within(neighbours, places, rings + RINGS_BETWEEN)
-    colour = colours(within_both(beyond, scipy.sparse.csr_array(reach.T)))
-    return NearNodes(nodes, places, entries, reach, _last_ring(reach, inner), colour)
+#: Latest nodes of graphs that are still there.
+_latest: WeakKeyDictionary[Graph, NearNodes] = WeakKeyDictionary()
 
 
 def surface_rows(
@@ -123,6 +148,11 @@ def surface_rows(
     Returns
     -------
     bsr_array, shape (own * block, place * block)
+
+    Raises
+    ------
+    RuntimeError
+        If the matrix of what is near is singular.
     """
     around, block = NearNodes.of_own(system.graph, own, rings), system.block
     factor, reach, colour = around.factor(system), around.reach, around.colour
