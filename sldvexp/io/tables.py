@@ -4,7 +4,7 @@ Cells are between commas, semicolons or tabs, whichever the header has, and numb
 point or, in all of a table, a comma. Lines that start with ``#`` are comments, and every complaint
 names the file, the line and the column. Rows are read with the module `csv` and not with pandas,
 which tells neither on which line a row stands nor that it is too short, and gives columns of one
-name others.
+name others; of a table whose rows are all alike it reads the numbers.
 """
 
 from __future__ import annotations
@@ -26,7 +26,8 @@ from numpy.typing import NDArray
 
 from sldvexp.errors import UserError
 from sldvexp.files import read_text, require_file, with_check_line
-from sldvexp.typing import Array, BoolArray, IntArray
+from sldvexp.lazy import pandas as pd
+from sldvexp.typing import Array, IntArray
 from sldvexp.units import LengthUnit, Unit
 
 AXES = ("x", "y", "z")
@@ -37,13 +38,8 @@ MISSING |= {"1.#qnan", "-1.#ind", "nan(ind)"}
 COORDINATES = f"x_U, y_U, z_U with U one of {', '.join(LengthUnit.__members__)}"
 
 
-#: Rows whose numbers are read together, so that what is in between stays in the cache.
-ROWS_AT_ONCE = 2**14
 #: Places in a text up to here take half the memory.
 LARGEST_SMALL = np.iinfo(np.int32).max
-#: Powers of ten that are exact, and digits of whole numbers that are: the quotient of both is the
-#: number that is nearest to the text, as `float` finds it.
-POWERS, EXACT_DIGITS = 10.0 ** np.arange(23), 15
 
 
 class EvenRows(Sequence[tuple[str, ...]]):
@@ -54,20 +50,23 @@ class EvenRows(Sequence[tuple[str, ...]]):
     Parameters
     ----------
     text : str
-        Of ASCII.
+        Of ASCII, the header's line first.
+    delimiter : str
+        Of the cells of a row.
     ends : ndarray of int, shape (row, column)
         Places behind the cells; the next cell begins one further.
     first : int
         Where the first row begins.
     """
 
-    def __init__(self, text: str, ends: NDArray[np.signedinteger], first: int) -> None:
-        self.text, self.ends = text, ends
+    def __init__(
+        self, text: str, delimiter: str, ends: NDArray[np.signedinteger], first: int
+    ) -> None:
+        self.text, self.delimiter, self.ends = text, delimiter, ends
         self.starts = np.empty_like(ends)
         if ends.size:
             self.starts.reshape(-1)[0] = first
             self.starts.reshape(-1)[1:] = ends.reshape(-1)[:-1] + 1
-        self._raw = np.frombuffer(text.encode(), np.uint8)
 
     def column(self, k: int) -> list[str]:
         """Give the cells of a column."""
@@ -76,16 +75,22 @@ class EvenRows(Sequence[tuple[str, ...]]):
 
     def floats(self, k: int) -> Array:
         """Convert a column to numbers; NaN where a cell is none."""
-        found = np.empty(len(self))
-        for first in range(0, len(self), ROWS_AT_ONCE):
-            some = slice(first, first + ROWS_AT_ONCE)
-            start, end = self.starts[some, k], self.ends[some, k]
-            values, plain = _plain_numbers(self._raw, start, end)
-            others = np.flatnonzero(~plain)
-            pairs = zip(start[others].tolist(), end[others].tolist(), strict=True)
-            values[others] = _floats([self.text[i:j] for i, j in pairs])
-            found[some] = values
-        return found
+        try:
+            read = pd.read_csv(
+                io.BytesIO(self.text.encode()),
+                sep=self.delimiter,
+                header=None,
+                skiprows=1,
+                usecols=[k],
+                dtype=float,
+                na_values=list(MISSING),
+            )
+        except ValueError:  # no row, or a cell that is neither a number nor missing
+            return _floats(self.column(k))
+        values = np.array(read[k], float)
+        for row in np.flatnonzero(np.isinf(values)).tolist():
+            values[row] = _float(self[row][k])  # written out, infinity is no number of ours
+        return values
 
     def __len__(self) -> int:
         return len(self.ends)
@@ -336,7 +341,8 @@ def _even_rows(text: str, delimiter: str) -> tuple[list[str], range, EvenRows] |
     lines = raw[ends] == ord("\n")
     if lines[:, :-1].any() or not lines[:, -1].all():
         return None
-    return header, range(1, len(lines) + 1), EvenRows(text, ends[1:], int(ends[0, -1]) + 1)
+    rows = EvenRows(text, delimiter, ends[1:], int(ends[0, -1]) + 1)
+    return header, range(1, len(lines) + 1), rows
 
 
 def _delimiter(text: str) -> str:
@@ -542,36 +548,3 @@ def _floats(cells: Sequence[str]) -> Array:
         with suppress(ValueError):  # an empty cell, or more signs than a number has
             return np.fromiter(map(float, cells), float, len(cells))
     return np.array([_float(cell) for cell in cells], float)
-
-
-def _plain_numbers(
-    raw: NDArray[np.uint8], start: NDArray[np.signedinteger], end: NDArray[np.signedinteger]
-) -> tuple[Array, BoolArray]:
-    """Convert cells of a sign, few digits and a point, all at once, to the numbers of `float`.
-
-    Returns
-    -------
-    values : ndarray, shape (cell,)
-    plain : ndarray of bool, shape (cell,)
-        Cells that are no more than that; others have no value.
-    """
-    length, last = end - start, len(raw) - 1
-    whole, digits = np.zeros(len(start), np.int64), np.zeros(len(start), np.int8)
-    behind, point = np.zeros(len(start), np.int8), np.zeros(len(start), bool)
-    sign = raw[np.minimum(start, last)]
-    negative = (sign == ord("-")) & (length > 0)
-    signed = negative | ((sign == ord("+")) & (length > 0))
-    plain = length <= 1 + 1 + EXACT_DIGITS
-    for k in range(min(int(length.max(initial=0)), 1 + 1 + EXACT_DIGITS)):
-        here = length > k
-        value = raw[np.minimum(start + k, last)] - np.uint8(ord("0"))
-        digit = here & (value < 10)
-        dot = here & (value == np.uint8(ord(".") - ord("0") + 256))
-        plain &= ~here | digit | (dot & ~point) | (signed if k == 0 else False)
-        whole = np.where(digit, 10 * whole + value, whole)
-        digits += digit
-        behind += digit & point
-        point |= dot
-    plain &= (digits > 0) & (digits <= EXACT_DIGITS)
-    values = whole / POWERS[behind]
-    return np.where(negative, -values, values), plain

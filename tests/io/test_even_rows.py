@@ -12,12 +12,13 @@ from sldvexp.io import read_table, tables
 ODD = (
     "", "-", "+", "nan", "inf", "1e5", "-1.5E-3", ".5", "5.", "-.5", "+3", "--1", "1-", "1.2.3",
     "abc", "-0", "0x1", "1_0", "00012.5", ".", "0.1234567890123456789", "9007199254740993",
+    "Infinity", "-iNF", "1e999", "***", "NULL", "True", "1e", "1d5",
 )  # fmt: skip
 
 
 def one_by_one(cell):
     try:
-        return np.nan if "_" in cell else float(cell)
+        return np.nan if "_" in cell or "infinity" in cell.lower() else float(cell)
     except ValueError:
         return np.nan
 
@@ -45,6 +46,17 @@ def test_cells_and_numbers_are_those_of_the_text(tmp_path, rows):
         found = table.floats(name)
         np.testing.assert_array_equal(found, expected)
         np.testing.assert_array_equal(np.signbit(found), np.signbit(expected))
+
+
+@pytest.mark.parametrize("cell", ODD)
+def test_one_odd_cell_among_numbers_is_what_it_is_by_itself(tmp_path, cell):
+    path = tmp_path / "rows.csv"
+    path.write_text(f"a,b\n1,-0.1\n2,{cell}\n3,1e-7\n")
+    table = read_table(path)
+    assert isinstance(table.rows, tables.EvenRows)
+    found, expected = table.floats("b"), np.array([-0.1, one_by_one(cell), 1e-7])
+    np.testing.assert_array_equal(found, expected)
+    np.testing.assert_array_equal(np.signbit(found), np.signbit(expected))
 
 
 def test_places_of_a_long_text_are_wide_numbers(monkeypatch):
