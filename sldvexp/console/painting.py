@@ -1,6 +1,6 @@
 """Paints lines as they come from a scan, some at a time and in a thread of its own.
 
-A line costs the scan nothing but a place in a queue. What has come in a tenth of a second is turned
+A line costs the scan nothing but a place in a queue. What has come in a part of a second is turned
 into pixels together, which is quicker than line by line and soon enough for an eye. Of several
 frequencies a picture shows the one at which most moves so far, ``max_f sum |v_f|^2`` over its good
 pixels; it is painted anew when another one has become plainly larger.
@@ -31,8 +31,8 @@ from sldvexp.typing import IntArray
 
 log = logging.getLogger(__name__)
 
-#: How long lines are gathered, s.
-GATHERED = 0.1
+#: How long lines are gathered, s: a picture may be half a second late, and each takes its own time.
+GATHERED = 0.25
 #: Side of the square in which an image is drawn, over its own.
 AROUND = 1.06
 #: The same where a rough pose tells about the image, and where a search goes on beyond this.
@@ -66,6 +66,11 @@ class PaintedPixels:
     value: NDArray[np.float32]
     flag: NDArray[np.uint8]
     frequency: NDArray[Any]
+
+    @property
+    def bad(self) -> int:
+        """Number of pixels with a flag."""
+        return int(np.count_nonzero(self.flag))
 
     def power(self) -> NDArray[Any]:
         """Add up the squared amplitudes of good pixels, shape (frequency,)."""
@@ -158,25 +163,29 @@ class Painter:
                 self._lines.task_done()
 
     def _paint(self, lines: Sequence[LineDone]) -> None:
-        """Paint some lines of one view that were scanned alike."""
-        first = lines[0]
-        if first.view != self._view:
-            self._view, self.flagged, self.bad = first.view, {}, {}
-            self._squares, self._kept, self._power, self._chosen = {}, {}, {}, {}
-            self._ends, self._size_kept = {}, {}
+        """Paint some lines that were scanned alike."""
         found = painted_pixels(*lines)
         ends = np.cumsum([len(line.dac) for line in lines])[:-1]
-        parts = []
         pairs = zip(np.split(found.value, ends), np.split(found.flag, ends), strict=True)
-        for line, (v, f) in zip(lines, pairs, strict=True):
-            self.bad.setdefault(line.lines, {})[line.number] = float(np.mean(f != 0))
-            size = pitch(line.dac) if line.searches else self._size(line)
-            own = PaintedPixels(v, f, found.frequency)
-            parts.append(_PaintedLine(line.dac.astype(np.int32), own, *size))
-        self._show(first, parts)
-        for flag in Flag:
-            count = int(np.sum(found.flag & flag != 0))
-            self.flagged[flag] = self.flagged.get(flag, 0) + count
+        pixels = (PaintedPixels(v, f, found.frequency) for v, f in pairs)
+        both = zip(lines, pixels, strict=True)
+        for (view, name), some in groupby(both, lambda pair: (pair[0].view, pair[0].lines)):
+            if view != self._view:
+                self._view, self.flagged, self.bad = view, {}, {}
+                self._squares, self._kept, self._power, self._chosen = {}, {}, {}, {}
+                self._ends, self._size_kept = {}, {}
+            of_one = list(some)
+            bad = self.bad.setdefault(name, {})
+            bad |= {line.number: own.bad / len(own.flag) for line, own in of_one}
+            self._show(of_one[0][0], [self._painted_line(*pair) for pair in of_one])
+            flag = np.concatenate([own.flag for _, own in of_one])
+            for each in Flag:
+                count = int(np.count_nonzero(flag & each))
+                self.flagged[each] = self.flagged.get(each, 0) + count
+
+    def _painted_line(self, line: LineDone, pixels: PaintedPixels) -> _PaintedLine:
+        size = pitch(line.dac) if line.searches else self._size(line)
+        return _PaintedLine(line.dac.astype(np.int32), pixels, *size)
 
     def _show(self, line: LineDone, parts: list[_PaintedLine]) -> None:
         """Add parts to the picture that is shown; begin another one if they are none of it.
@@ -199,10 +208,13 @@ class Painter:
             self._board.begin("image", low=square[0], high=square[1], name=shown)
             self._shown, self._squares[shown] = shown, square
             added = [*before, *parts]
-        for part in added:
-            hertz = part.pixels.frequency
+        for (tall, wide), some in groupby(added, lambda part: (part.tall, part.wide)):
+            alike = list(some)
+            hertz = alike[0].pixels.frequency
             how = {"frequency": float(hertz[chosen]), "among": len(hertz)}
-            self._board.add("image", part.arrays(chosen), tall=part.tall, wide=part.wide, **how)
+            together = zip(*(part.arrays(chosen) for part in alike), strict=True)
+            arrays = [np.concatenate(each) for each in together]
+            self._board.add("image", arrays, tall=tall, wide=wide, **how)
         if line.kind == CIRCLES or self._may_choose(shown):
             before += parts
             more = sum(part.pixels.value.size for part in parts)
@@ -210,6 +222,9 @@ class Painter:
 
     def _choose(self, shown: str, parts: Sequence[_PaintedLine]) -> bool:
         """Choose the frequency at which most moves so far; true if it is another one now."""
+        if len(parts[0].pixels.frequency) == 1:
+            self._chosen[shown] = 0
+            return False
         power = self._power.get(shown, 0.0) + np.sum([p.pixels.power() for p in parts], axis=0)
         self._power[shown] = power
         strongest, now = int(np.argmax(power)), self._chosen.get(shown)
@@ -222,7 +237,7 @@ class Painter:
 
     def _may_choose(self, shown: str) -> bool:
         """Tell whether a picture of several frequencies is small enough to be painted anew."""
-        return len(self._power[shown]) > 1 and self._size_kept.get(shown, 0) <= MOST_KEPT
+        return shown in self._power and self._size_kept.get(shown, 0) <= MOST_KEPT
 
     def _image_scan(self, line: LineDone) -> ImageScan | None:
         """Find the part of the scan whose pixels are known beforehand, if the line is of it."""
@@ -300,7 +315,7 @@ def _alike(lines: Sequence[LineDone]) -> Iterator[list[LineDone]]:
     """Yield lines that follow one another and were scanned alike, in their order."""
 
     def how(line: LineDone) -> tuple[object, ...]:
-        return line.view, line.lines, line.acquisition, getattr(line.samples, "rate", None)
+        return line.kind, line.acquisition, getattr(line.samples, "rate", None)
 
     for _, together in groupby(lines, how):
         yield list(together)
@@ -314,5 +329,5 @@ def spacing(dac: IntArray) -> int:
     >>> spacing(np.array([[0, 0], [3, 5], [6, 10]]))
     5
     """
-    steps = np.abs(np.diff(dac, axis=0))
-    return max(int(np.ceil(np.median(steps.max(axis=1)))), 1) if len(steps) else 1
+    steps = np.sort(np.abs(np.diff(dac, axis=0)).max(axis=1))
+    return max(int(steps[len(steps) // 2]), 1) if len(steps) else 1

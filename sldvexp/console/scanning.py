@@ -27,7 +27,7 @@ from sldvexp.pipeline.run_progress import ScanProgress
 from sldvexp.progress import span
 from sldvexp.session import Journal, LineDone, Operator, ViewAhead, Watcher, Wish
 from sldvexp.session.interruption import resume_here
-from sldvexp.session.watching import in_words
+from sldvexp.session.watching import GO_ON, in_words
 
 #: What a scan says that has lost its controller, and what it says to the next.
 LEFT = "Nobody is steering: the scan waits, the mirrors home, the generator off."
@@ -158,14 +158,12 @@ class Scanning(Watcher):
         with self._lock:
             if self._progress is not None:
                 self._progress.between_lines(lines, done, count)
-        while True:
-            try:
-                with self.asking(lines):
-                    wish = self.wishes.get() if self.paused else self.wishes.get_nowait()
-            except queue.Empty:
-                return Wish()
+        while self.paused or not self.wishes.empty():
+            with self.asking(lines):
+                wish = self.wishes.get()
             if (made := self._heed(wish, lines, done)) is not None:
                 return made
+        return GO_ON
 
     @contextmanager
     def asking(self, request: str) -> Iterator[None]:

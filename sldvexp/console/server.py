@@ -110,6 +110,7 @@ class Server:
             proxy_headers=False,
             ws="auto",
             ws_max_size=LONGEST,
+            ws_per_message_deflate=False,  # it takes a scan's processor more than it saves a line
             ws_ping_interval=ASKED,
             ws_ping_timeout=WAITED,
             timeout_graceful_shutdown=1,
@@ -184,6 +185,8 @@ class Server:
         loop, woken = asyncio.get_running_loop(), asyncio.Event()
 
         def wake() -> None:
+            if woken.is_set():  # it has not begun to read since
+                return
             with suppress(RuntimeError):  # a loop that has ended wakes nobody
                 loop.call_soon_threadsafe(woken.set)
 
@@ -205,7 +208,7 @@ class Server:
 
     async def _tell(self, browser: WebSocket, reader: Any, woken: asyncio.Event) -> None:
         """Send what is new, as fast as the browser takes it."""
-        more = False
+        more, told = False, ""
         with suppress(WebSocketDisconnect, RuntimeError):
             while True:
                 if not more:
@@ -217,7 +220,8 @@ class Server:
                         await browser.send_text(each)
                     else:
                         await browser.send_bytes(each)
-                await browser.send_text(json.dumps({"role": self._role(browser)}))
+                if told != (told := self._role(browser)):
+                    await browser.send_text(json.dumps({"role": told}))
                 await asyncio.sleep(0 if more else PAUSE)
 
     async def _hear(self, browser: WebSocket, text: str) -> None:
