@@ -4,7 +4,7 @@ Cells are between commas, semicolons or tabs, whichever the header has, and numb
 point or, in all of a table, a comma. Lines that start with ``#`` are comments, and every complaint
 names the file, the line and the column. Rows are read with the module `csv` and not with pandas,
 which tells neither on which line a row stands nor that it is too short, and gives columns of one
-name others; of a table whose rows are all alike it reads the numbers.
+name others; of a table whose rows are all alike it reads the columns.
 """
 
 from __future__ import annotations
@@ -19,10 +19,9 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import chain
 from pathlib import Path
-from typing import overload
+from typing import Any, overload
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sldvexp.errors import UserError
 from sldvexp.files import read_text, require_file, with_check_line
@@ -34,66 +33,63 @@ AXES = ("x", "y", "z")
 #: Cells that stand for a number which is not there, in small letters.
 MISSING = {"", "-", "--", "---", "nan", "na", "n/a", "#n/a", "#nv", "null", "none", "*", "***"}
 MISSING |= {"1.#qnan", "-1.#ind", "nan(ind)"}
+#: Words that pandas takes for one and zero, where a column has nothing else.
+WORDS = ("True", "TRUE", "true", "False", "FALSE", "false")
 #: How the columns of coordinates are named, for messages.
 COORDINATES = f"x_U, y_U, z_U with U one of {', '.join(LengthUnit.__members__)}"
 
 
-#: Places in a text up to here take half the memory.
-LARGEST_SMALL = np.iinfo(np.int32).max
-
-
 class EvenRows(Sequence[tuple[str, ...]]):
-    """Rows that have as many cells as there are columns, as places in their text.
+    """Rows that have as many cells as there are columns, as their text.
 
     Cells of a million rows would take a gigabyte as texts of their own.
 
     Parameters
     ----------
-    text : str
-        Of ASCII, the header's line first.
+    content : bytes
+        ASCII: the header's line, and each row's with its end.
     delimiter : str
         Of the cells of a row.
-    ends : ndarray of int, shape (row, column)
-        Places behind the cells; the next cell begins one further.
-    first : int
-        Where the first row begins.
     """
 
-    def __init__(
-        self, text: str, delimiter: str, ends: NDArray[np.signedinteger], first: int
-    ) -> None:
-        self.text, self.delimiter, self.ends = text, delimiter, ends
-        self.starts = np.empty_like(ends)
-        if ends.size:
-            self.starts.reshape(-1)[0] = first
-            self.starts.reshape(-1)[1:] = ends.reshape(-1)[:-1] + 1
+    def __init__(self, content: bytes, delimiter: str) -> None:
+        self._content, self._delimiter = content, delimiter
+        self._ends = np.flatnonzero(np.frombuffer(content, np.uint8) == ord("\n"))
 
     def column(self, k: int) -> list[str]:
         """Give the cells of a column."""
-        pairs = zip(self.starts[:, k].tolist(), self.ends[:, k].tolist(), strict=True)
-        return [self.text[start:end] for start, end in pairs]
+        cells: list[str] = self._read([k], dtype=object, na_filter=False)[k].tolist()
+        return cells
 
-    def floats(self, k: int) -> Array:
-        """Convert a column to numbers; NaN where a cell is none."""
+    def floats(self, columns: Sequence[int]) -> Array:
+        """Convert columns to numbers, shape (row, column); NaN where a cell is none."""
+        version = tuple(map(int, pd.__version__.split(".")[:2]))
+        # the number nearest to the text, which later ones find and warn of the word for it
+        nearest = {"float_precision": "round_trip"} if version < (3, 1) else {}
         try:
-            read = pd.read_csv(
-                io.BytesIO(self.text.encode()),
-                sep=self.delimiter,
-                header=None,
-                skiprows=1,
-                usecols=[k],
-                dtype=float,
-                na_values=list(MISSING),
-            )
-        except ValueError:  # no row, or a cell that is neither a number nor missing
-            return _floats(self.column(k))
-        values = np.array(read[k], float)
-        for row in np.flatnonzero(np.isinf(values)).tolist():
-            values[row] = _float(self[row][k])  # written out, infinity is no number of ours
+            read = self._read(columns, dtype=float, na_values=[*MISSING, *WORDS], **nearest)
+        except ValueError:  # a cell that is neither a number nor missing
+            if len(columns) == 1:
+                return _floats(self.column(columns[0]))[:, None]
+            return np.concatenate([self.floats([k]) for k in columns], axis=1)
+        values: Array = read[list(columns)].to_numpy(copy=True)
+        for row, k in np.argwhere(np.isinf(values)).tolist():
+            values[row, k] = _float(self[row][columns[k]])  # inf is infinity, Infinity is none
         return values
 
+    def _read(self, columns: Sequence[int], **how: Any) -> pd.DataFrame:
+        """Let pandas read columns; it complains if there are no rows."""
+        return pd.read_csv(
+            io.BytesIO(self._content),
+            sep=self._delimiter,
+            header=None,
+            skiprows=1,
+            usecols=columns,
+            **how,
+        )
+
     def __len__(self) -> int:
-        return len(self.ends)
+        return len(self._ends) - 1
 
     @overload
     def __getitem__(self, row: int) -> tuple[str, ...]: ...
@@ -104,8 +100,9 @@ class EvenRows(Sequence[tuple[str, ...]]):
     def __getitem__(self, row: int | slice) -> tuple[str, ...] | list[tuple[str, ...]]:
         if isinstance(row, slice):
             return [self[k] for k in range(*row.indices(len(self)))]
-        pairs = zip(self.starts[row].tolist(), self.ends[row].tolist(), strict=True)
-        return tuple(self.text[start:end] for start, end in pairs)
+        k = range(len(self))[row]
+        line = self._content[self._ends[k] + 1 : self._ends[k + 1]]
+        return tuple(line.decode().split(self._delimiter))
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,9 +162,9 @@ class TextTable:
             If a row has more or fewer cells than there are columns.
         """
         k = self.header.index(name)
-        if isinstance(self.rows, EvenRows):
-            return self.rows.column(k)
-        return self._columns[k] if self.rows else []
+        if not self.rows:
+            return []
+        return self.rows.column(k) if isinstance(self.rows, EvenRows) else self._columns[k]
 
     @cached_property
     def _columns(self) -> list[list[str]]:
@@ -180,11 +177,11 @@ class TextTable:
         cells = list(chain.from_iterable(self.rows))
         return [cells[k::count] for k in range(count)]
 
-    def floats(self, name: str) -> Array:
-        """Convert a column to numbers; NaN where a cell is none."""
-        if isinstance(self.rows, EvenRows):
-            return self.rows.floats(self.header.index(name))
-        return _floats(self.column(name))
+    def floats(self, names: Sequence[str]) -> Array:
+        """Convert columns to numbers, shape (row, column); NaN where a cell is none."""
+        if isinstance(self.rows, EvenRows) and self.rows:
+            return self.rows.floats([self.header.index(name) for name in names])
+        return np.array([_floats(self.column(name)) for name in names]).T
 
     def numbers(self, columns: Sequence[str], of: Sequence[str] = ()) -> Array:
         """Convert columns to finite numbers, in the file's units.
@@ -203,7 +200,7 @@ class TextTable:
         UserError
             If a cell is not a finite number.
         """
-        values = np.stack([self.floats(name) for name in columns], axis=-1)
+        values = self.floats(columns)
         if not np.isfinite(values).all():
             row, k = np.argwhere(~np.isfinite(values))[0]
             what = f"{columns[k]}{of[row] if of else ''}"
@@ -329,20 +326,18 @@ def _even_rows(text: str, delimiter: str) -> tuple[list[str], range, EvenRows] |
     odd = [*UNEVEN, "\n" + delimiter, *("\t" if delimiter != "\t" else "")]
     if not text.isascii() or text.startswith((delimiter, "\n")) or any(o in text for o in odd):
         return None
-    text = text.removesuffix("\n")
-    header = text.partition("\n")[0].split(delimiter)
-    raw = np.frombuffer(f"{text}\n".encode(), np.uint8)
-    small: type[np.signedinteger] = np.int32 if len(raw) <= LARGEST_SMALL else np.int64
-    places = np.flatnonzero((raw == ord(delimiter)) | (raw == ord("\n"))).astype(small)
-    columns = len(header)
-    if len(places) % columns or not text:
+    if not (text := text.removesuffix("\n")):
         return None
-    ends = places.reshape(-1, columns)
-    lines = raw[ends] == ord("\n")
+    header = text.partition("\n")[0].split(delimiter)
+    content = f"{text}\n".encode()
+    marks = np.frombuffer(content, np.uint8)
+    ends = marks[(marks == ord(delimiter)) | (marks == ord("\n"))] == ord("\n")
+    if len(ends) % len(header):
+        return None
+    lines = ends.reshape(-1, len(header))
     if lines[:, :-1].any() or not lines[:, -1].all():
         return None
-    rows = EvenRows(text, delimiter, ends[1:], int(ends[0, -1]) + 1)
-    return header, range(1, len(lines) + 1), rows
+    return header, range(1, len(lines) + 1), EvenRows(content, delimiter)
 
 
 def _delimiter(text: str) -> str:
