@@ -286,7 +286,8 @@ def read_table(path: Path, inline_comments: bool = False) -> TextTable:
     delimiter = _delimiter(text)
     if even := _even_rows(text, delimiter):
         table = TextTable(path, *even)
-        return table if delimiter == "," else replace(table, rows=_with_points(table))
+        decimal = delimiter != "," and "," in text
+        return replace(table, rows=_with_points(table)) if decimal else table
     each = (f"{line}\n" for line in text.split("\n"))
     reader = csv.reader(each, delimiter=delimiter, skipinitialspace=True)
     lines: list[int] = []
@@ -330,19 +331,17 @@ def _even_rows(text: str, delimiter: str) -> tuple[list[str], range, EvenRows] |
         return None
     header = text.partition("\n")[0].split(delimiter)
     content = f"{text}\n".encode()
-    marks = np.frombuffer(content, np.uint8)
-    ends = marks[(marks == ord(delimiter)) | (marks == ord("\n"))] == ord("\n")
-    if len(ends) % len(header):
+    ends = (delimiter * (len(header) - 1) + "\n").encode()
+    others = bytes({*range(128)} - {ord(delimiter), ord("\n")})
+    rows = EvenRows(content, delimiter)
+    if content.translate(None, others) != ends * (1 + len(rows)):
         return None
-    lines = ends.reshape(-1, len(header))
-    if lines[:, :-1].any() or not lines[:, -1].all():
-        return None
-    return header, range(1, len(lines) + 1), EvenRows(content, delimiter)
+    return header, range(1, 2 + len(rows)), rows
 
 
 def _delimiter(text: str) -> str:
     """Find the delimiter that the header has most of."""
-    lines = (line.strip(" ") for line in text.splitlines())
+    lines = (match[0].strip(" ") for match in re.finditer("[^\n]+", text))
     header = next((line for line in lines if line.strip() and not line.startswith("#")), "")
     return max(DELIMITERS, key=header.count)
 

@@ -7,6 +7,7 @@ import random
 import numpy as np
 import pytest
 
+from sldvexp.errors import UserError
 from sldvexp.io import read_table, tables
 
 ODD = (
@@ -59,3 +60,13 @@ def test_an_odd_cell_is_the_same_whatever_else_its_column_has(tmp_path, cell, ot
     found, expected = table.floats(["b", "a"]), np.array([one_by_one(own) for own in cells])
     np.testing.assert_array_equal(found, np.stack([expected, np.ones(len(cells))], axis=1))
     np.testing.assert_array_equal(np.signbit(found[:, 0]), np.signbit(expected))
+
+
+@pytest.mark.parametrize(
+    "text", ["a\n1\n2\t3\n", "a,b\n1\n2,3,4\n", "a,b\n1,2\n3\n", "a,b\n1,2,3\n"]
+)
+def test_rows_of_other_lengths_are_not_read_at_once(tmp_path, text):
+    path = tmp_path / "rows.csv"
+    path.write_text(text)
+    with pytest.raises(UserError, match="values under"):
+        read_table(path).floats(["a"])
