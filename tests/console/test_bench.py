@@ -298,8 +298,9 @@ def test_held_arrow_moves_on_and_stops_when_the_page_does_not_say_so_any_more(
 
 
 def test_lost_connection_in_mid_move_sends_the_mirrors_home_and_stops_the_generator(
-    far, wishes, lab
+    far, wishes, lab, monkeypatch
 ):
+    monkeypatch.setattr(bench_module, "HELD", 300.0)  # however busy the machine is
     bench, server = far
     wishes.put({"do": "hold", "by": [5, 100]})
     for _ in range(4):

@@ -74,6 +74,7 @@ def check_coverage(seeds, pixels):
     return np.array(whole), np.array(narrow)
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize(
     ("seeds", "pixels"), [(8, 100), pytest.param(60, 400, marks=pytest.mark.long)]
 )

@@ -169,7 +169,7 @@ class Halved(Fault):
         send(answer[half:])
 
 
-@pytest.mark.one_in(2)
+@pytest.mark.whole
 @pytest.mark.parametrize(
     ("signals", "number"),
     [
