@@ -351,6 +351,18 @@ def test_blocks_are_the_whole(monkeypatch: pytest.MonkeyPatch) -> None:
     np.testing.assert_array_equal(parts.outside, whole.outside)
 
 
+@methods
+def test_slopes_stay_when_weights_are_sorted(method: Interpolation) -> None:
+    """Products with a matrix may put its weights into another order, in place."""
+    image, x = rounded(21), places(100, 700.0)
+    interpolator = method.prepare(image)
+    weights, values = interpolator.at(x), np.random.default_rng(7).normal(size=(len(image.dac), 2))
+    at = weights.located
+    slopes = interpolator.slopes(at, x[at.place], values)
+    weights.value.sort_indices()
+    np.testing.assert_array_equal(interpolator.slopes(at, x[at.place], values), slopes)
+
+
 @pytest.mark.parametrize("kind", ["even", "scattered"])
 @methods
 def test_no_places(kind: str, method: Interpolation) -> None:
