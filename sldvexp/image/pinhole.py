@@ -29,8 +29,10 @@ ROUNDS, SETTLED = 12, 0.02
 #: Widest spot, over the smaller semi-axis, whose edges are where they are computed to be; wider
 #: ones see the opposite edge, and lines end before their motion is even.
 WIDEST = 0.37
-#: By how much wider ones err, in widths: standard deviation of an ellipse's smaller semi-axis.
-ERRING = 0.2
+#: How far the smaller semi-axis errs with wider ones, in widths. From `CLOSING` semi-axes on the
+#: ellipse closes in on the spot, by `CLOSED` semi-axes for each by which that is wider. Root mean
+#: squares of spots of .4 to .7 of the true semi-axis, at 45 to 70 degrees; no edges are found beyond.
+ERRING, CLOSING, CLOSED = 0.25, 0.45, 2.4
 
 
 def pinhole_from_dac(laser: TwoMirror, dac: ArrayLike) -> Array:
@@ -199,7 +201,9 @@ def fit_circle(edges: ScanLineEdges, method: str = "likelihood") -> tuple[ConicF
         fit, moved = _freed(edges, method)
         fit = _with_growth(fit, moved)
         if blur(fit, moved) > WIDEST:
-            error = ERRING * blur(fit, moved) * fit.ellipse.semi_axes.min()
+            wide = blur(fit, moved)
+            part = max(ERRING * wide, CLOSED * (wide - CLOSING))
+            error = part * fit.ellipse.semi_axes.min()
             wider = max(error / fit.ellipse.semi_axes_std[-1], 1.0)
             moved = replace(moved, std=wider * moved.std)
             spread = replace(fit.ellipse, covariance=wider**2 * fit.ellipse.covariance)
