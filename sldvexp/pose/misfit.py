@@ -166,7 +166,7 @@ def edge_points(images: CircleImages, laser: TwoMirror, circles: Circles) -> Edg
             np.concatenate([getattr(e, name) for e in edges.values()])
             for name in ("position", "direction", "std")
         ),
-        np.concatenate([_growth_std(e) for e in edges.values()]),
+        growth_std=np.concatenate([_growth_std(e) for e in edges.values()]),
     )
 
 
