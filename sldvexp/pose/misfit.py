@@ -33,11 +33,13 @@ import numpy as np
 from sldvexp.dataset import Finding, Severity
 from sldvexp.errors import UserError
 from sldvexp.geometry import vector_from_rotation
+from sldvexp.image import ScanLineEdges
 from sldvexp.laser import TwoMirror
 from sldvexp.lazy import scipy
 from sldvexp.pose.base import EXTRINSICS, JointCovariance
 from sldvexp.pose.circle_images import CircleImages
-from sldvexp.pose.edge_solver import ERRORS, RIM, EdgePoints, EdgePoses, solve_edges
+from sldvexp.pose.edge_points import EdgePoints
+from sldvexp.pose.edge_solver import ERRORS, RIM, EdgePoses, solve_edges
 from sldvexp.pose.intrinsics import nominal_intrinsics
 from sldvexp.pose.least_squares import INTRINSICS
 from sldvexp.pose.pointing import lack_of_fit
@@ -164,7 +166,12 @@ def edge_points(images: CircleImages, laser: TwoMirror, circles: Circles) -> Edg
             np.concatenate([getattr(e, name) for e in edges.values()])
             for name in ("position", "direction", "std")
         ),
+        growth_std=np.concatenate([_growth_std(e) for e in edges.values()]),
     )
+
+
+def _growth_std(edges: ScanLineEdges) -> Array:
+    return np.zeros((len(edges.std), 2)) if edges.growth_std is None else edges.growth_std
 
 
 def judge_circles(

@@ -12,7 +12,11 @@ from tests.console.two_faces import FILES, write_files
 from tests.report import devtools
 from tests.report.opened import PHONE
 
-pytestmark = pytest.mark.skipif(not devtools.PATH, reason="needs chromium")
+#: What the page does is tried by its own tests; these take a console and pages of their own.
+pytestmark = [
+    pytest.mark.whole,
+    pytest.mark.skipif(not devtools.PATH, reason="needs chromium"),
+]
 LAPTOP, SMALL = (1440, 900), (1280, 720)
 #: All that is used to aim.
 USED = ("field", "look", "nearer", "whole", "shown", "marks-box", "mark", "go", "undo", "redo")
@@ -123,6 +127,26 @@ def test_drawing_shows_all_faces_with_numbers_that_cover_nothing(served):
             for one, other in itertools.combinations([*shapes, *numbers], 2):
                 assert not overlap(one, other)
             pictured(page, f"drawn-{known}")
+    finally:
+        page.close()
+
+
+#: Boxes of the names on the field of view.
+NAMES = "return document.getElementById('map').aim.names.map(({box}) => box)"
+CHOOSE = "document.getElementById('map').aim.page.wish('view', {name: arguments[0]})"
+
+
+def test_names_of_twelve_marks_can_be_read_on_a_phone(served):
+    """Where many stand close together they cover marks and outlines rather than one another."""
+    page = opened(served, PHONE)
+    try:
+        for view in ("1", "3"):
+            page.js(CHOOSE, view)
+            page.until(lambda view=view: page.view == view and len(page.js(NAMES)) == 12)
+            for one, other in itertools.combinations(page.js(NAMES), 2):
+                wide, tall = (min(one[k + 2], other[k + 2]) - max(one[k], other[k]) for k in (0, 1))
+                assert min(wide, tall) < 1, view
+            pictured(page, f"named-{view}")
     finally:
         page.close()
 

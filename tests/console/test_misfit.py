@@ -82,7 +82,7 @@ def misfits(outlook, marks):
     return aiming, misfits_of(aiming, aiming.taken, outlook._aiming)
 
 
-@pytest.mark.parametrize("count", [4, 6])
+@pytest.mark.parametrize("count", [pytest.param(4, marks=pytest.mark.whole), 6])
 def test_bound_of_marks_that_meet_exactly_is_where_they_would_be_called_off(count):
     """Marks that are taken at their predictions leave nothing by which to scale it."""
     outlook, true = fine()
