@@ -12,15 +12,15 @@ from sldvexp.console.bench import AimingBench
 from sldvexp.console.board import NoticeBoard
 from sldvexp.console.marks import wanted
 from sldvexp.console.outlook import Outlook
-from sldvexp.console.spots import LookedAt, LookSpot, SpotsSeen
+from sldvexp.console.spots import LookedAt, LookSpot, SpotsSeen, spots_of
 from sldvexp.geometry import KnownPose, euler_from_rotation, rotation_from_vector
 from sldvexp.virtual_lab.lab import VirtualLab
-from tests.console.two_faces import made
+from tests.console.two_faces import area_of, box_experiment
 
 
 @pytest.fixture(scope="module")
 def box(tmp_path_factory):
-    return made(tmp_path_factory.mktemp("box"))
+    return box_experiment(tmp_path_factory.mktemp("box"))
 
 
 @pytest.fixture(scope="module")
@@ -90,9 +90,34 @@ def test_a_near_look_takes_the_right_spot_or_asks_which(looking, lab, view, asks
     if asks:
         assert "A spot of the look may be circle 1 or " in found.told
         assert "which? Look at a wider part" in found.told
+        ways = np.array(found.instead["circle", 1])
+        assert np.hypot(*(ways - true[0]).T).min() < 100  # one of them is it
         looking.look(at - 8192, at + 8192)
     assert looking.off(true)[0] < 100
     assert "which?" not in looking.bench.foresight(view).told
+
+
+def test_a_mark_tells_which_circle_a_near_look_shows(looking, lab):
+    """Without it this look asks; all predictions are known better, and not only moved."""
+    lab.use_view("4")
+    true = lab.true_dac(lab.calibration_object.center)
+    looking.do("view", name="4")
+    looking.do("move", to=np.rint(true[1]).astype(int).tolist())
+    looking.do("mark", kind="circle", number=2)
+    at = np.array(looking.bench.foresight("4").predicted["circle", 1])
+    looking.look(at - 4096, at + 4096)
+    assert "by 1 mark and 1 spot of the look" in looking.bench.foresight("4").told
+    assert looking.off(true)[0] < 20
+
+
+@pytest.mark.parametrize("edge", [(0, 40), (80, 40), (40, 0), (40, 80)])
+def test_what_reaches_an_edge_of_a_look_is_no_spot(edge):
+    """Its middle is not known."""
+    dac = np.stack(np.meshgrid(range(0, 90, 10), range(0, 90, 10)), axis=-1).reshape(-1, 2)
+    value = np.exp(-((dac - edge) ** 2).sum(axis=1) / 100)
+    inside = np.exp(-((dac - [40, 40]) ** 2).sum(axis=1) / 100)
+    assert len(list(spots_of(dac, inside, inside < 0, 10))) == 1
+    assert list(spots_of(dac, value, value < 0, 10)) == []
 
 
 def beside(pose, rng):
@@ -158,8 +183,3 @@ def taken_for_another(found, seen, true):
         if off.min() < 200 and circle != k:
             return True
     return False
-
-
-def area_of(outline):
-    x, y = outline.T
-    return abs(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1))) / 2
