@@ -31,7 +31,7 @@ ROUNDS, SETTLED = 12, 0.02
 WIDEST = 0.37
 #: How far the smaller semi-axis errs with wider ones, in widths. From `CLOSING` semi-axes on the
 #: ellipse closes in on the spot, by `CLOSED` semi-axes for each by which that is wider. Root mean
-#: squares of spots of .4 to .7 of the true semi-axis, at 45 to 70 degrees; wider ones show no edges.
+#: squares of spots of .4 to .7 of the true semi-axis, 45 to 70 degrees; wider ones show no edges.
 ERRING, CLOSING, CLOSED = 0.25, 0.45, 2.4
 
 

@@ -15,7 +15,9 @@ is linear in ``rest``, ``motion`` and ``slope``. To first order that is true of 
 of one that is uneven itself, as long as it is not uneven in the same way towards every edge. The
 part is that of the ellipse and the spot which the edges show, each line moved to where its own edge
 is; that place, and the spot's size, are found anew with the slope: fixed where an uneven motion has
-displaced them they would hide up to four fifths of it, and their noise would count as slope.
+displaced them they would hide up to four fifths of it, and their noise would count as slope. So is
+how the spot grows over the circle, whose nearer side sees it larger: by half of what the motion
+grows by at 60 degrees, and taken as even it would count as slope, too.
 
 Lines end 2.5 widths inside of the edge, where a wide spot has hardly left it: the slope is then
 known badly, and its error displaces all edges of the circle together. It is handed on with the
@@ -40,7 +42,8 @@ from sldvexp.typing import Array, BoolArray
 #: By how much the motion differs between middle and edge, relative: its standard deviation where
 #: edges on one side only do not tell it, and the most that is believed.
 USUAL, MOST = 0.1, 0.5
-#: Standard deviation of the spot's variances beside those that the edges show, relative.
+#: Standard deviation of the spot's variances beside those that the edges show, relative; that of
+#: their growth over the circle is `USUAL`.
 SPOT = 1.0
 #: Place and size of the spot at one motion, then at another: the second sees what the first left.
 ROUNDS = 2
@@ -221,11 +224,13 @@ def find_growth(lines: ScanLines, edges: ScanLineEdges) -> Growth | None:
     away = lines.position[own] + (ahead[:, None] * edges.direction)[:, None] - numbers[:2]
     part, by_place, by_spot = _parts(numbers, spot, away, edges.direction)
     known = np.stack([np.ones_like(part), part], axis=-1)
-    columns = [known, part[..., None] * (away / size), by_spot]
-    beyond = np.array([0.0, 0.0, *[1.0 / USUAL] * 2, *[1.0 / SPOT] * 3]) / contrast
+    # The nearer side of an oblique circle sees a larger spot, in angle.
+    wider = by_spot[..., :2].sum(axis=-1, keepdims=True) * (away / size)
+    columns = [known, part[..., None] * (away / size), by_spot, wider]
+    beyond = np.array([0.0, 0.0, *[1.0 / USUAL] * 2, *[1.0 / SPOT] * 3, *[1.0 / USUAL] * 2])
     std = np.where(good, lines.std[own], 1.0)
     found, covariance, response = _solve(
-        np.concatenate(columns, axis=-1), by_place, values, std, good, beyond
+        np.concatenate(columns, axis=-1), by_place, values, std, good, beyond / contrast
     )
     rest, motion = found[:2]
     if not abs(motion) > 0:

@@ -158,15 +158,15 @@ class Freed:
 def edge_points(images: CircleImages, laser: TwoMirror, circles: Circles) -> EdgePoints:
     """Gather all edge points of a view with the circles that they belong to."""
     edges = images.edges
+    numbers = [np.full(len(e.std), number) for number, e in edges.items()]
     return EdgePoints.from_dac(
         circles,
         laser,
-        np.concatenate([np.full(len(e.std), number) for number, e in edges.items()]),
-        *(
-            np.concatenate([getattr(e, name) for e in edges.values()])
-            for name in ("position", "direction", "std")
-        ),
-        growth_std=np.concatenate([_growth_std(e) for e in edges.values()]),
+        np.concatenate(numbers),
+        np.concatenate([e.position for e in edges.values()]),
+        np.concatenate([e.direction for e in edges.values()]),
+        np.concatenate([e.std for e in edges.values()]),
+        np.concatenate([_growth_std(e) for e in edges.values()]),
     )
 
 

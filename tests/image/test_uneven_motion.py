@@ -142,7 +142,7 @@ def scores(width: float, growth: float, seeds: range) -> np.ndarray:
 
 @pytest.mark.whole
 def test_the_growth_that_noise_makes_is_in_the_bounds_of_an_ellipse() -> None:
-    """Without it the smaller axis' mean square is 3.6."""
+    """Without it the smaller axis' mean square is 6."""
     squares = np.mean(scores(0.36, 0.0, range(24)) ** 2, axis=0)
     assert squares == pytest.approx(1.0, abs=4.5 * np.sqrt(2 / 24))
 
