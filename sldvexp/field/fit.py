@@ -257,7 +257,7 @@ def _messages(parts: RegionIterator, equations: Equations, found: Observability)
     return [*told, note] if (note := parts.model.rows.note) else told
 
 
-#: Error of bounds above which the user is told.
+#: Error of bounds, as far as it was found, above which the user is told.
 WORTH_TELLING = 0.05
 
 
@@ -295,7 +295,8 @@ class FieldEstimate:
         blank(nodal, ~self.flags.determined)
         if error > WORTH_TELLING:
             messages.append(
-                f"standard errors are approximations here: exact ones differ by up to {error:.0%}"
+                "standard errors are approximations here: at the few nodes where exact ones were "
+                f"computed they differ by up to {error:.0%}"
             )
         return FieldResult(
             components=LOCAL if self.model.local else WORLD,
