@@ -92,7 +92,7 @@ LONGEST_FIRST = (
 )
 
 #: What makes the pages of runs and sweeps.
-PAGES = {name: getattr(Html, name) for name in ("of_run", "of_sweep")}
+PAGES = {name: getattr(Html, name) for name in ("of_run", "of_run_at_hand", "of_sweep")}
 
 
 def pytest_xdist_auto_num_workers() -> int:

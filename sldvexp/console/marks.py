@@ -178,7 +178,6 @@ class AimedMarks:
         self._found: dict[str, dict[Name, AimedMark]] = {}
         self._done: list[MarkChange] = []
         self._undone: list[MarkChange] = []
-        self._touched: set[tuple[str, Name]] = set()
 
     @property
     def every(self) -> dict[str, dict[Name, AimedMark]]:
@@ -255,8 +254,8 @@ class AimedMarks:
         """Give the person who has found this view's fiducials, None if nobody has."""
         every = self._found.get(view, {})
         found = {n: mark for (of, n), mark in every.items() if of == FIDUCIAL}
-        touched = {n for of_view, (of, n) in self._touched if (of_view, of) == (view, FIDUCIAL)}
-        return AimedPerson(found, touched - found.keys()) if found else None
+        changed = {c.name[1] for c in self._done if c.view == view and c.name[0] == FIDUCIAL}
+        return AimedPerson(found, changed - found.keys()) if found else None
 
     def _places(self, view: str, kind: str, predicted: Mapping[Name, Steps]) -> dict[int, Steps]:
         """Give a view's places of a kind, in the order of their numbers."""
@@ -276,7 +275,6 @@ class AimedMarks:
         return change
 
     def _put(self, change: MarkChange, mark: AimedMark | None) -> None:
-        self._touched.add((change.view, change.name))
         view = self._found.setdefault(change.view, {})
         if mark is None:
             view.pop(change.name, None)

@@ -24,6 +24,7 @@ from sldvexp.dataset.run_data import COMPARED_STRAIN, RunData, Source, read_yaml
 from sldvexp.dataset.store import (
     UNREADABLE,
     group,
+    in_memory,
     load,
     load_some,
     load_table,
@@ -33,6 +34,7 @@ from sldvexp.dataset.store import (
     require_declared,
     save,
     save_table,
+    whole_tree,
 )
 from sldvexp.dataset.variable import DAC, FREQUENCY, Variable
 from sldvexp.dataset.variables import AXES, CONVENTIONS, VARIABLES
@@ -56,6 +58,7 @@ __all__ = [
     "findings_of",
     "findings_to_dataset",
     "group",
+    "in_memory",
     "is_void",
     "load",
     "load_some",
@@ -70,5 +73,6 @@ __all__ = [
     "take_findings",
     "verdict_of",
     "views_without_pose",
+    "whole_tree",
     "with_findings",
 ]

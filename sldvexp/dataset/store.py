@@ -72,6 +72,30 @@ def _dims(spec: Variable, coords: Mapping[str, ArrayLike]) -> tuple[str, ...]:
     return tuple(d for d, optional in parts if not optional or d in coords)
 
 
+def whole_tree(tree: Mapping[str, xr.Dataset], attributes: Mapping[str, Any]) -> xr.DataTree:
+    """Make the tree that a run's file holds, see `save`.
+
+    Examples
+    --------
+    >>> whole_tree({"pose": group("pose", {"view": ["front"]}, s=[0.2])}, {})["pose/s"].item()
+    0.2
+    """
+    root = xr.Dataset(attrs={**CONVENTIONS, **attributes})
+    groups = {f"/{k}": _double(v) for k, v in tree.items()}
+    return xr.DataTree.from_dict({"/": root, **groups})
+
+
+def in_memory(tree: xr.DataTree) -> bool:
+    """Tell whether no values are still to be computed, as those of a stream are.
+
+    Examples
+    --------
+    >>> in_memory(whole_tree({"pose": group("pose", {"view": ["front"]}, s=[0.2])}, {}))
+    True
+    """
+    return not any(v.chunks for node in tree.subtree for v in node.variables.values())
+
+
 def save(tree: Mapping[str, xr.Dataset], attributes: Mapping[str, Any], path: Path) -> None:
     """Write the run beside its final name and rename it: a file of that name is always whole.
 
@@ -90,14 +114,12 @@ def save(tree: Mapping[str, xr.Dataset], attributes: Mapping[str, Any], path: Pa
     ...     load_some(Path(folder, "run.nc"), ["pose"])["pose/s"].item()
     0.2
     """
-    root = xr.Dataset(attrs={**CONVENTIONS, **attributes})
-    groups = {f"/{k}": _double(v) for k, v in tree.items()}
-    whole = xr.DataTree.from_dict({"/": root, **groups})
+    whole = whole_tree(tree, attributes)
     with whole_or_nothing(path) as beside:
-        if any(v.chunks for node in whole.subtree for v in node.variables.values()):
-            whole.to_netcdf(beside, engine="netcdf4", auto_complex=True)
-        else:
+        if in_memory(whole):
             _write(whole, beside)
+        else:
+            whole.to_netcdf(beside, engine="netcdf4", auto_complex=True)
     _bounded.add(_state(path))
 
 

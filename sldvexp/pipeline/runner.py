@@ -154,7 +154,7 @@ def _leave(
                 beside.write_text(text)
         if report:
             begin(PAGE)
-        pages = attempt(lambda: report.of_run(new / RUN_FILE), path) if report else []
+        pages = attempt(lambda: _page(report, run, attributes, new), path) if report else []
         outdated = [
             name
             for name in (POSE_FILE, REPORT_FILE)
@@ -174,6 +174,14 @@ def _leave(
         take_over(folder, outdated)
     made = [*(new / name for name in texts), *exported, *pages]
     return [path, *(folder / file.relative_to(new) for file in made)]
+
+
+def _page(report: Report, run: Run, attributes: dict[str, Any], new: Path) -> Path | None:
+    """Make the page of what was written, without reading it again where it still is in memory."""
+    tree = dataset.whole_tree(run.kept, attributes)
+    if dataset.in_memory(tree):
+        return report.of_run_at_hand(new / RUN_FILE, RunData.from_source(tree, new))
+    return report.of_run(new / RUN_FILE)
 
 
 def _begin(watcher: Watcher, names: Sequence[str], name: str) -> None:

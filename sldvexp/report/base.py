@@ -62,6 +62,26 @@ class Report(ABC):
             Of the page, if there is one.
         """
 
+    def of_run_at_hand(self, path: Path, run: RunData) -> Path | None:
+        """Make the page of a run of which this process still has what it wrote.
+
+        Reading hundreds of variables back takes as long as drawing half of the figures; a kind of
+        report that reads the file all the same need not know of this.
+
+        Parameters
+        ----------
+        path : Path
+            As in `of_run`.
+        run : RunData
+            What the file holds.
+
+        Returns
+        -------
+        Path or None
+            Of the page, if there is one.
+        """
+        return self.of_run(path)
+
     def of_unfinished(self, folder: Path, reason: str = "") -> Path | None:
         """Make the page of a run that was interrupted or failed, and has no dataset.
 

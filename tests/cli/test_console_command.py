@@ -58,6 +58,7 @@ def test_packages_that_are_missing_are_named_with_what_installs_them(sldvexp, mo
     )
 
 
+@pytest.mark.whole
 @pytest.mark.one_in(2)
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_console_ends_in_order(tmp_path, number):

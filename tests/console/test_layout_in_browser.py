@@ -12,11 +12,15 @@ from tests.console.two_faces import FILES, write_files
 from tests.report import devtools
 from tests.report.opened import PHONE
 
-pytestmark = pytest.mark.skipif(not devtools.PATH, reason="needs chromium")
+#: What the page does is tried by its own tests; these take a console and pages of their own.
+pytestmark = [
+    pytest.mark.whole,
+    pytest.mark.skipif(not devtools.PATH, reason="needs chromium"),
+]
 LAPTOP, SMALL = (1440, 900), (1280, 720)
 #: All that is used to aim.
 USED = ("field", "look", "nearer", "whole", "shown", "marks-box", "mark", "go", "undo", "redo")
-USED += ("pose", "name", "write", "start", "slide-up", "flags", "layout-box")
+USED += ("pose", "name", "write", "start", "written", "slide-up", "flags", "layout-box")
 BOXES = """
 return Object.fromEntries(arguments[0].map((id) => {
   const b = document.getElementById(id).getBoundingClientRect();

@@ -82,7 +82,7 @@ def misfits(outlook, marks):
     return aiming, misfits_of(aiming, aiming.taken, outlook._aiming)
 
 
-@pytest.mark.parametrize("count", [4, 6])
+@pytest.mark.parametrize("count", [pytest.param(4, marks=pytest.mark.whole), 6])
 def test_bound_of_marks_that_meet_exactly_is_where_they_would_be_called_off(count):
     """Marks that are taken at their predictions leave nothing by which to scale it."""
     outlook, true = fine()
@@ -108,6 +108,19 @@ def test_bound_is_that_of_the_way_in_which_a_mark_lies_off(way):
 
     usual = at(250.0).usual
     assert at(0.25 * usual).usual == pytest.approx(at(0.4 * usual).usual, rel=0.1)
+    for times in (1.0, 1.05):  # the mark's own cost calls it off, and tells the bound
+        found = at(times * usual)
+        assert found.beside == (found.off > found.usual)
+
+
+def test_bound_of_a_mark_within_the_error_of_pointing_is_the_same_whichever_way_it_lies():
+    outlook, true = fine()
+    marks = dict(list(true.items())[:4])
+    usual = [
+        misfits(outlook, {**marks, "circle 1": marks["circle 1"] + way})[1]["circle 1"].usual
+        for way in ([3, 0], [0, 3], [2, -2], [-2, -2])
+    ]
+    assert usual == pytest.approx(4 * usual[:1], rel=0.01)
 
 
 def test_mark_is_compared_with_the_pose_of_all_marks_and_not_with_the_likeliest_of_the_rest(

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-import tests.console.served
 from sldvexp.virtual_lab.console import experiment
 from sldvexp.virtual_lab.lab import VirtualLab
 from tests.console.served import Page, Served
@@ -31,9 +30,8 @@ MOVE = "document.getElementById('map').aim.page.wish('move', {to: arguments[0]})
 
 
 @pytest.fixture
-def served(tmp_path, monkeypatch):
-    monkeypatch.setattr(tests.console.served, "BENCH", BENCH)
-    made = Served(tmp_path)
+def served(tmp_path):
+    made = Served(tmp_path, bench=BENCH)
     yield made
     made.end()
 

@@ -56,6 +56,7 @@ def assert_same_bits(found: FieldResult, alone: FieldResult) -> None:
     assert repr(found.intercept_test) == repr(alone.intercept_test)
 
 
+@pytest.mark.whole
 def test_every_method_and_solver_is_what_it_is_alone(look: Callable[[], VolumeVisibility]) -> None:
     """To the last bit, in whatever order they come."""
     together = look()

@@ -178,7 +178,8 @@ def _child(
     resource.setrlimit(resource.RLIMIT_FSIZE, (200 * 2**20, -1))
     sys.argv = ["sldvexp", *arguments]
     if arguments[:1] != ["report"]:  # a page takes a second, and every run would make one
-        Html.of_run = lambda *_: None  # type: ignore[method-assign, assignment, return-value]
+        for name in ("of_run", "of_run_at_hand"):
+            setattr(Html, name, lambda *_: None)
     touched: list[str] = []
     _watch(top / HERE, touched)
     noted = os.open(top / "noted", os.O_CREAT | os.O_WRONLY | os.O_TRUNC)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import json
+import shutil
 from html.parser import HTMLParser
 from urllib.parse import unquote
 from xml.etree import ElementTree
@@ -267,6 +268,21 @@ def test_garbage_is_looked_for_later_as_it_was_before(pages, monkeypatch, tmp_pa
             Html().of_run(tmp_path / "run.nc")
         assert gc.isenabled() is was
     assert during == [False, False]
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("experiment=point",),
+        ("experiment=pose",),
+        pytest.param((), marks=pytest.mark.whole),
+        pytest.param(("experiment=plate_modes",), marks=pytest.mark.whole),
+    ],
+)
+def test_page_of_what_is_in_memory_is_that_of_the_file(words, run_once, pages, tmp_path):
+    folder = run_once(*words, pages=True)
+    shutil.copy(folder / "run.nc", tmp_path)
+    assert Html().of_run(tmp_path / "run.nc").read_bytes() == (folder / "report.html").read_bytes()
 
 
 def test_a_configuration_makes_no_objects():

@@ -178,7 +178,9 @@ def test_a_mark_that_was_taken_away_on_the_page_is_hidden_when_the_run_goes_on(s
     aimed = AimedMarks()
     for k in (1, 5):
         aimed.put("a", (FIDUCIAL, k), tuple(session.true[k - 1]))
-    aimed.undo()
+    aimed.put("a", (FIDUCIAL, 5), None)
+    aimed.put("a", (FIDUCIAL, 6), (1, 2))
+    aimed.undo()  # as if it had never been touched
     gone_on_with(session, aimed)
     right = {k: session.true[k - 1] for k in range(1, 7)}
     assert session.kept() == right | {5: None}

@@ -5,11 +5,12 @@ from __future__ import annotations
 import gc
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from sldvexp.config.registry import register
+from sldvexp.dataset import RunData
 from sldvexp.report import html
 from sldvexp.report.base import REPORT_FILE, Report
 
@@ -23,6 +24,11 @@ class Html(Report):
         """Make the page of a run, see `Report.of_run`."""
         with _uncollected():
             return html.run_page.write(path, path.with_name(REPORT_FILE))
+
+    def of_run_at_hand(self, path: Path, run: RunData) -> Path:
+        """Make it of what is in memory, see `Report.of_run_at_hand`."""
+        with _uncollected():
+            return html.run_page.write_of(replace(run, path=path), path.with_name(REPORT_FILE))
 
     def of_unfinished(self, folder: Path, reason: str = "") -> Path:
         """Make the page of a run without a dataset, see `Report.of_unfinished`."""

@@ -54,9 +54,14 @@ def write(path: Path, page: Path) -> Path:
     with load(path) as tree:
         run = replace(RunData.from_source(tree), path=path)
         _read_few(run)
-        _ = run.config, run.plugins  # a file that has none is not a run's, and is refused
-        sections = [s for make in SECTIONS if (s := make(run))]
-        return render.write(page, _title(run), _subtitle(run), sections)
+        return write_of(run, page)
+
+
+def write_of(run: RunData, page: Path) -> Path:
+    """Make the page of a run that is open or in memory, see `write`."""
+    _ = run.config, run.plugins  # a file that has none is not a run's, and is refused
+    sections = [s for make in SECTIONS if (s := make(run))]
+    return render.write(page, _title(run), _subtitle(run), sections)
 
 
 def _read_few(run: RunData) -> None:
