@@ -55,7 +55,7 @@ MARKS = {
     codecs.BOM_UTF16_BE: "utf-16",
 }
 #: Characters that no text has, but numbers in binary do, and some of which Python takes for blanks.
-CONTROL = re.compile(r"[\x00-\x08\x0e-\x1f]")
+CONTROL = [chr(k) for k in (*range(9), *range(14, 32))]
 
 
 def read_bytes(path: Path, most: int = TEXT_BYTES) -> bytes:
@@ -143,7 +143,7 @@ def decoded(content: bytes) -> str | None:
             text = content.decode(name).removesuffix("\x1a")  # the end of a file of DOS
         except UnicodeDecodeError:
             continue
-        return None if CONTROL.search(text) else text
+        return None if any(c in text for c in CONTROL) else text
     return None
 
 

@@ -93,29 +93,6 @@ def numpy_alone(to_the_end: bool = False) -> None:
             sys.modules["dask"] = None  # type: ignore[assignment]
 
 
-def undocumented(figures: bool) -> None:
-    """Keep scipy and matplotlib in this process from writing docstrings, which takes 0.3 s.
-
-    As they load, they parse the docstrings of hundreds of functions to put tables of what these
-    support into them, which nobody sees of a command. A version that does this in another way goes
-    on doing it.
-
-    Parameters
-    ----------
-    figures : bool
-        Whether any will be drawn; matplotlib is left alone otherwise, as it is not loaded then.
-    """
-    with suppress(ImportError):
-        arrays = importlib.import_module("scipy._lib._array_api")
-        if hasattr(arrays, "xp_capabilities"):
-            arrays.xp_capabilities = lambda **_: lambda function: function
-    if figures:
-        artist = importlib.import_module("matplotlib.artist")
-        if hasattr(artist.Artist, "_update_set_signature_and_docstring"):
-            artist.Artist._update_set_signature_and_docstring = classmethod(lambda _: None)
-            artist.kwdoc = lambda _: ""
-
-
 __all__ = [
     "h5py",
     "jinja2",
@@ -125,6 +102,5 @@ __all__ = [
     "pandas",
     "pyvisa",
     "scipy",
-    "undocumented",
     "xarray",
 ]

@@ -26,13 +26,13 @@ from hydra.errors import HydraException, MissingConfigException
 from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf, open_dict, read_write
 
-from sldvexp import cli, config, pipeline, report, session, sweep, telling, writing
+from sldvexp import cli, config, pipeline, session, sweep, telling, writing
 from sldvexp.cli import commands
 from sldvexp.config import registry
 from sldvexp.config.experiment import Experiment
 from sldvexp.config.paths import RUN_FILE, conf_dir
 from sldvexp.errors import UserError, words_of
-from sldvexp.lazy import numpy_alone, undocumented
+from sldvexp.lazy import numpy_alone
 from sldvexp.limits import shown
 from sldvexp.stopping import end_with, exit_status, heed, this_process
 from sldvexp.writing import require_no_links
@@ -371,8 +371,6 @@ class Command:
                     gc.freeze()  # what was loaded and composed lives as long as the process
                     if self.experiment and self.experiment.stream is None:
                         numpy_alone(to_the_end=True)
-                        made = self.experiment.report or report.NoReport()
-                        undocumented(figures=not isinstance(made, report.NoReport))
                 with self.held:
                     passed = pipeline.runner.run(
                         cfg,

@@ -215,9 +215,11 @@ def views_told(done: Sequence[str], ahead: Sequence[str]) -> str:
     '1 of 4 views is done: 1. Still to come: 2, 3 and 4.'
     >>> views_told(["left", "right"], [])
     '2 of 2 views are done: left and right.'
+    >>> views_told(["1"], [])
+    '1 of 1 view is done: 1.'
     """
-    are = "is" if len(done) == 1 else "are"
-    told = f"{len(done)} of {len(done) + len(ahead)} views {are} done: {_listed(done)}."
+    count, are = len(done) + len(ahead), "is" if len(done) == 1 else "are"
+    told = f"{len(done)} of {count} view{'s' * (count > 1)} {are} done: {_listed(done)}."
     return f"{told} Still to come: {_listed(ahead)}." if ahead else told
 
 

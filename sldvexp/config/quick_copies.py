@@ -3,6 +3,10 @@
 OmegaConf copies every node by `copy.deepcopy`, metadata included, of which a composition with its
 run makes tens of thousands. What a node is made of is known: its values cannot be changed, and its
 metadata are types, flags and a cache.
+
+After every merge of two tables it tells all that is in them, however deep, which table it is in:
+of a composition of fifty files a quarter of the time. Here the same is told without looking up
+classes, and only to what does not know it.
 """
 
 from __future__ import annotations
@@ -15,10 +19,13 @@ from threading import Lock
 from typing import Any
 
 from omegaconf import DictConfig, ListConfig
+from omegaconf.base import Box
 from omegaconf.nodes import ValueNode
 
 #: What OmegaConf copies a container by.
 _USUAL = {kind: kind.__deepcopy__ for kind in (DictConfig, ListConfig)}
+#: How OmegaConf tells nodes what they are in.
+_TOLD: Any = Box._re_parent
 #: Who uses quick copies, of which each thread may be one.
 _users = 0
 _counting = Lock()
@@ -40,6 +47,26 @@ def _count(change: int) -> None:
         _users += change
         for kind, usual in _USUAL.items():
             setattr(kind, "__deepcopy__", _deepcopy if _users else usual)  # noqa: B010
+        setattr(Box, "_re_parent", _tell_parents if _users else _TOLD)  # noqa: B010
+
+
+def _tell_parents(node: Box) -> None:
+    """Tell all nodes in a container which one they are in, and let them forget its flags."""
+    if type(node) not in _USUAL:
+        _TOLD(node)
+        return
+    content = node.__dict__["_content"]
+    if not isinstance(content, dict | list):  # missing, none, or refers to another one
+        return
+    for child in content.values() if isinstance(content, dict) else content:
+        if child is None:
+            continue
+        state = child.__dict__
+        state["_parent"] = node
+        if state["_flags_cache"] is not None:
+            child._invalidate_flags_cache()
+        if "_content" in state:
+            _tell_parents(child)
 
 
 def _deepcopy(node: DictConfig | ListConfig, memo: dict[int, Any]) -> Any:

@@ -15,6 +15,7 @@ from omegaconf.errors import OmegaConfBaseException
 
 from sldvexp.config import registry
 from sldvexp.config.experiment import ENTRIES_OF, NAMED_GROUPS, SINGLE_GROUPS, Experiment
+from sldvexp.config.quick_copies import quick_copies
 from sldvexp.config.refusals import NO_CODE, names_code, refusal
 from sldvexp.errors import Checks, ConfigError, Problem, UserError, nearest
 from sldvexp.files import unusable
@@ -45,7 +46,8 @@ def build(config: DictConfig) -> Experiment:
     }
     if lost:
         raise ConfigError(Problem(key, "cannot be deleted") for key in sorted(lost))
-    config = _with_schemas(config)
+    with quick_copies():
+        config = _with_schemas(config)
     problems = [*_refused_keys(config, ""), *_refused_names(config)]
     if problems:
         raise ConfigError(problems)
@@ -70,9 +72,10 @@ def build(config: DictConfig) -> Experiment:
     if problems:
         raise ConfigError(problems)
     made = {*values, "expect", *others}
-    plain = OmegaConf.masked_copy(
-        config, [f.name for f in fields(Experiment) if f.name not in made]
-    )
+    with quick_copies():
+        plain = OmegaConf.masked_copy(
+            config, [f.name for f in fields(Experiment) if f.name not in made]
+        )
     settings: Any = OmegaConf.to_container(plain, resolve=True)
     return Experiment(**settings, expect=expect, **others, **values)
 

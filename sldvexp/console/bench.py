@@ -24,19 +24,23 @@ from sldvexp.console.marks import (
     CIRCLE,
     CORNER,
     CORNERS,
+    FIDUCIAL,
     AimedMarks,
+    Name,
     Steps,
     kind_of,
     parts_of,
     view_names,
     wanted,
 )
+from sldvexp.console.marks_told import UNMOVED, marks_told
 from sldvexp.console.outlook import Foresight, Outlook
 from sldvexp.console.spots import SpotsSeen
 from sldvexp.console.wishes import Wish, pair_of, text_of
 from sldvexp.errors import UserError
 from sldvexp.instrument import Acquisition, Instrument, InstrumentError, RawSamples
 from sldvexp.instrument import bench as aids
+from sldvexp.instrument.person import mark_label
 from sldvexp.instrument.protocol import CHANNELS
 from sldvexp.scan import Sampling
 from sldvexp.session.records import acquisition_of
@@ -104,6 +108,7 @@ class AimingBench:
         self.spots: dict[str, SpotsSeen] = {}
         self.kind = next(iter(self.wanted), "")
         self.beam: Steps = (0, 0)
+        self._led: tuple[Name, Steps] | None = None  # mark whose prediction has brought it there
         self.steered = self.used = False
         self.further: dict[str, Callable[[Wish], None]] = {}
         self.answered: Callable[[], None] = lambda: None
@@ -172,7 +177,7 @@ class AimingBench:
         """Leave the instrument, whose mirrors go home and whose generator is off then."""
         self._look, self._held, self._set = None, None, None
         opened, self._opened, self._instrument = self._opened, ExitStack(), None
-        self.beam = (0, 0)
+        self.beam, self._led = (0, 0), None
         try:
             with undisturbed():
                 opened.close()
@@ -190,7 +195,7 @@ class AimingBench:
 
     def foresight(self, view: str) -> Foresight:
         """Tell what the marks of a view tell, its rough pose, and what was seen there."""
-        return self.outlook.of(self.marks.of(view), view, self.spots.get(view))
+        return self.outlook.of(self.marks.telling(view), view, self.spots.get(view))
 
     def contradictions(self) -> str:
         """Say which marks of the views contradict one another; empty if none do."""
@@ -205,6 +210,7 @@ class AimingBench:
             "taken": self._taken,
             "lost": self._lost,
             "move": self._move,
+            "go": self._go_there,
             "nudge": self._nudge,
             "hold": self._hold,
             "release": self._release,
@@ -238,6 +244,13 @@ class AimingBench:
     def _move(self, wish: Wish) -> None:
         self._go(pair_of(wish.get("to")))
 
+    def _go_there(self, wish: Wish) -> None:
+        """Go to where a mark is, or is predicted; a pose is made of fiducials alone."""
+        name = self._named(wish)
+        self._go(pair_of(wish.get("to")))
+        if name[0] == FIDUCIAL and name not in self.marks.telling(self.view):
+            self._led = name, self.beam
+
     def _nudge(self, wish: Wish) -> None:
         by = pair_of(wish.get("by"))
         self._go((self.beam[0] + by[0], self.beam[1] + by[1]))
@@ -251,8 +264,11 @@ class AimingBench:
 
     def _mark(self, wish: Wish) -> None:
         """Take the beam's place for the mark that is meant."""
-        kind, number = self._named(wish)
-        self.marks.put(self.view, (kind, number), self.beam)
+        name = self._named(wish)
+        unmoved = self._led == (name, self.beam)
+        self.marks.put(self.view, name, self.beam, unmoved)
+        if unmoved:
+            self.say(f"{mark_label(name[1]).capitalize()}: {UNMOVED}.")
         self._tell_marks()
 
     def _forget(self, wish: Wish) -> None:
@@ -288,6 +304,8 @@ class AimingBench:
         kind = text_of(wish, "kind")
         if kind not in self.wanted:
             raise UserError("the scan has no such marks")
+        if self._look is not None and kind != self.kind:
+            self._stop_look({})  # its other half would show what moves in another part
         self.kind = kind
         self._tell_marks()
 
@@ -456,7 +474,7 @@ class AimingBench:
         low, high = self.experiment.laser.board.value
         up_down, left_right = (min(max(step, low), high) for step in to)
         self._ready().move((up_down, left_right))
-        self.beam = (up_down, left_right)
+        self.beam, self._led = (up_down, left_right), None
         self._tell_beam()
 
     def _amplitude(self, samples: RawSamples) -> tuple[Any, Any, Any]:
@@ -539,36 +557,8 @@ class AimingBench:
             self.board.begin("camera", arrays=[seen], rows=seen.shape[0], columns=seen.shape[1])
 
     def _tell_marks(self) -> None:
-        found = self.marks.of(self.view)
-        ahead = self.foresight(self.view)
-        undo, redo = self.marks.can
-        told = {
-            "view": self.view,
-            "views": [{"name": v, "marks": len(self.marks.of(v))} for v in self.views],
-            "kind": self.kind,
-            "marks": [
-                {"kind": kind, "number": number, "dac": list(steps)}
-                | (ahead.misfit[name].told if name in ahead.misfit else {})
-                for name in sorted(found)
-                for (kind, number), steps in [(name, found[name])]
-            ],
-            "predicted": [
-                {"kind": kind, "number": number, "dac": list(steps)}
-                for (kind, number), steps in ahead.predicted.items()
-            ],
-            "out": [
-                {"kind": kind, "number": number, "why": why}
-                for (kind, number), why in ahead.out.items()
-            ],
-            "outlines": [
-                {"points": np.round(points, 1).tolist(), "closed": True}
-                for points in ahead.outlines
-            ],
-            "pose": ahead.told,
-            "undo": undo,
-            "redo": redo,
-        }
-        self.board.tell("marks", told)
+        told = marks_told(self.marks, self.view, self.views, self.foresight(self.view))
+        self.board.tell("marks", {**told, "kind": self.kind})
         self.changed()
 
     def _tell_change(self, change: Any) -> None:

@@ -17,7 +17,7 @@ from sldvexp.console.afterwards import Advice, Advise
 from sldvexp.console.bench import AimingBench
 from sldvexp.console.board import NoticeBoard
 from sldvexp.console.keeping import EarlierScan, KeptViews, ScanAhead, scan_ahead
-from sldvexp.console.marks import FIDUCIAL, Name, Steps
+from sldvexp.console.marks import FIDUCIAL, AimedMark, Name
 from sldvexp.console.scanning import Asked, Scanning
 from sldvexp.console.server import Server
 from sldvexp.console.wishes import Wish
@@ -106,7 +106,7 @@ class Console:
         self._advising: list[threading.Thread] = []
         self._ours: dict[Path, str] = {}  # files that were written, as they were
         self._written_as = ""  # name of the last of them
-        self._written_marks: dict[str, dict[Name, Steps]] = {}  # with which it was
+        self._written_marks: dict[str, dict[Name, AimedMark]] = {}  # with which it was
         self._unfinished, self._added = unfinished, list(added)
         self._earlier: EarlierScan | None = None  # the last one, of which the next keeps views
         self._warned = ""  # contradiction of marks of which was told at Scan
@@ -229,6 +229,11 @@ class Console:
 
         Marks that contradict one another are told first, once.
         """
+        if views := self.bench.marks.unmeasured():
+            raise UserError(
+                f"every mark of view {views[0]} was taken where it was predicted, so that nothing "
+                "would be measured: move the beam onto what you see, and take each there"
+            )
         told = self.bench.contradictions()
         if told not in ("", self._warned):
             self._warned = told
@@ -280,7 +285,7 @@ class Console:
         self.bench.used = True
         advised = self._advise, self._tell_advice
         scanning = Scanning(experiment, self.board, self.wishes, *advised, kept)
-        marks: Mapping[str, Mapping[Name, Steps]] = self.bench.marks.every
+        marks: Mapping[str, Mapping[Name, AimedMark]] = self.bench.marks.every
         if begun is not None:  # at whose places that run was begun, which are those of its file
             marks = self._earlier.marks if self._earlier is not None else {}
         self._show("scan")

@@ -13,7 +13,7 @@ from typing import Any
 
 from sldvexp.config.experiment import Experiment
 from sldvexp.config.paths import JOURNAL
-from sldvexp.console.marks import Name, Steps
+from sldvexp.console.marks import AimedMark, Name
 from sldvexp.errors import UserError
 from sldvexp.session.journal import adopt_view, require_same
 from sldvexp.session.session import measured_by, measured_from
@@ -39,9 +39,9 @@ class EarlierScan:
     experiment: Experiment
     whole: tuple[str, ...]
     begun: tuple[str, ...]
-    marks: Mapping[str, Mapping[Name, Steps]]
+    marks: Mapping[str, Mapping[Name, AimedMark]]
 
-    def changed(self, view: str, marks: Mapping[Name, Steps]) -> bool:
+    def changed(self, view: str, marks: Mapping[Name, AimedMark]) -> bool:
         """Tell whether a view is aimed otherwise now."""
         return dict(self.marks.get(view, {})) != dict(marks)
 
@@ -81,7 +81,7 @@ class ScanAhead:
 
 
 def scan_ahead(
-    views: Sequence[str], marks: Mapping[str, Mapping[Name, Steps]], last: EarlierScan | None
+    views: Sequence[str], marks: Mapping[str, Mapping[Name, AimedMark]], last: EarlierScan | None
 ) -> ScanAhead:
     """Say what a scan of these views keeps of the last one; nothing if all would be kept."""
     if last is None:

@@ -107,13 +107,29 @@ def configured(experiment: Experiment) -> set[str]:
 
 
 @dataclass(frozen=True)
+class AimedMark:
+    """A mark that was taken.
+
+    Parameters
+    ----------
+    steps : (up_down, left_right)
+    unmoved : bool
+        Whether the program alone has brought the beam there, to its prediction: it has the other
+        marks' pose and would confirm any.
+    """
+
+    steps: Steps
+    unmoved: bool = False
+
+
+@dataclass(frozen=True)
 class MarkChange:
-    """One mark that was set or taken away: where it stood before and stands now."""
+    """One mark that was set or taken away: what it was before and is now."""
 
     view: str
     name: Name
-    before: Steps | None
-    after: Steps | None
+    before: AimedMark | None
+    after: AimedMark | None
 
 
 class AimedPerson:
@@ -121,26 +137,33 @@ class AimedPerson:
 
     Parameters
     ----------
-    found : dict of int to (up_down, left_right)
-        Steps by the marks' numbers.
+    found : dict of int to AimedMark
+        By the marks' numbers.
     removed : set of int
         Numbers of marks that were taken away again.
     """
 
-    def __init__(self, found: Mapping[int, Steps], removed: Collection[int] = ()) -> None:
+    def __init__(self, found: Mapping[int, AimedMark], removed: Collection[int] = ()) -> None:
         self.found, self.removed = found, removed
+        self.moved = False
+        self._asked: set[int] = set()
 
     def aim(self, mark: Mark, start: Steps) -> Steps | None:
         """See `Person`; a mark that was not found is hidden."""
-        return self.found.get(mark.number)
+        self._asked.add(mark.number)
+        found = self.found.get(mark.number)
+        self.moved = found is not None and not found.unmoved
+        return None if found is None else found.steps
 
     def review(self, found: Mapping[int, Steps | None]) -> None:
         """See `Reviewer`; what was aimed anew counts, in the place of what a run has kept.
 
-        A run that was begun elsewhere may have kept marks that nobody has touched here.
+        A run that was begun elsewhere may have kept marks that nobody has touched here. Each of
+        the others is asked for once, also at the steps that were kept: who has moved off a mark
+        and back has taken it there by hand.
         """
         for number in (*self.found, *self.removed):
-            if number in found and found[number] != self.found.get(number):
+            if number in found and number not in self._asked:
                 raise TakenBackError(number)
 
     def digitise(self, spot: int, samples: int) -> list[Place]:
@@ -149,25 +172,32 @@ class AimedPerson:
 
 
 class AimedMarks:
-    """AimedMarks of all views, with a history that can be gone back and forth."""
+    """Marks of all views, with a history that can be gone back and forth."""
 
     def __init__(self) -> None:
-        self._found: dict[str, dict[Name, Steps]] = {}
+        self._found: dict[str, dict[Name, AimedMark]] = {}
         self._done: list[MarkChange] = []
         self._undone: list[MarkChange] = []
 
     @property
-    def every(self) -> dict[str, dict[Name, Steps]]:
+    def every(self) -> dict[str, dict[Name, AimedMark]]:
         """Marks of all views that have any."""
         return {view: dict(marks) for view, marks in self._found.items() if marks}
 
     def of(self, view: str) -> dict[Name, Steps]:
         """Give the marks of a view."""
-        return dict(self._found.get(view, {}))
+        return {name: mark.steps for name, mark in self._found.get(view, {}).items()}
 
-    def put(self, view: str, name: Name, steps: Steps | None) -> None:
+    def telling(self, view: str) -> dict[Name, Steps]:
+        """Give those of them that the program alone has not taken where they were predicted."""
+        every = self._found.get(view, {})
+        return {name: mark.steps for name, mark in every.items() if not mark.unmoved}
+
+    def put(self, view: str, name: Name, steps: Steps | None, unmoved: bool = False) -> None:
         """Set a mark, or take it away."""
-        change = MarkChange(view, name, self._found.get(view, {}).get(name), steps)
+        before = self._found.get(view, {}).get(name)
+        after = None if steps is None else AimedMark(steps, unmoved)
+        change = MarkChange(view, name, before, after)
         self._undone = []
         self._done.append(change)
         self._put(change, change.after)
@@ -211,19 +241,25 @@ class AimedMarks:
                 (made.setdefault(key, {}) if key else made)["views"] = views
         return made
 
+    def unmeasured(self) -> list[str]:
+        """Name the views of which the program alone has taken every fiducial."""
+        aimed = {view: [k for k in marks if k[0] == FIDUCIAL] for view, marks in self.every.items()}
+        return [v for v, names in aimed.items() if names and not self.telling(v).keys() & names]
+
     def numbers(self, view: str, kind: str) -> set[int]:
         """Give the numbers of a view's marks of a kind."""
         return {number for of, number in self._found.get(view, {}) if of == kind}
 
     def person(self, view: str) -> AimedPerson | None:
         """Give the person who has found this view's fiducials, None if nobody has."""
-        found = {n: steps for (of, n), steps in self.of(view).items() if of == FIDUCIAL}
+        every = self._found.get(view, {})
+        found = {n: mark for (of, n), mark in every.items() if of == FIDUCIAL}
         changed = {c.name[1] for c in self._done if c.view == view and c.name[0] == FIDUCIAL}
         return AimedPerson(found, changed - found.keys()) if found else None
 
     def _places(self, view: str, kind: str, predicted: Mapping[Name, Steps]) -> dict[int, Steps]:
         """Give a view's places of a kind, in the order of their numbers."""
-        found = self._found.get(view, {})
+        found = self.of(view)
         foreseen = predicted if found and kind in (CIRCLE, CORNER) else {}
         every = {**foreseen, **found}
         return {name[1]: every[name] for name in sorted(every) if name[0] == kind}
@@ -238,9 +274,9 @@ class AimedMarks:
         self._put(change, change.after if forwards else change.before)
         return change
 
-    def _put(self, change: MarkChange, steps: Steps | None) -> None:
+    def _put(self, change: MarkChange, mark: AimedMark | None) -> None:
         view = self._found.setdefault(change.view, {})
-        if steps is None:
+        if mark is None:
             view.pop(change.name, None)
         else:
-            view[change.name] = steps
+            view[change.name] = mark

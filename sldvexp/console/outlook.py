@@ -47,6 +47,8 @@ NEAR = 0.3
 MOST_TOLD = 2
 #: What circles that cannot be aimed at mean for the scan.
 ALL_CIRCLES = "The scan needs every circle: turn the instrument, or stand where all are seen."
+#: How places are come to that may be elsewhere.
+OTHERWISE = " Go there (g) again goes to where it may be instead."
 #: Pixels of the picture in which circles are marked, across the board's range.
 PIXELS = 640
 #: Points of a circle's outline, and of a structure's at most.
@@ -61,6 +63,8 @@ class Foresight:
     ----------
     predicted : dict of (kind, number) to pair
         DAC steps of places, also of those that are marked.
+    instead : dict of (kind, number) to list of pair
+        DAC steps at which places that are not marked may be instead.
     misfit : dict of (kind, number) to MarkMisfit
         Marks beside where the others put them.
     outlines : list of ndarray, shape (point, 2), steps
@@ -73,6 +77,7 @@ class Foresight:
     """
 
     predicted: dict[Name, Steps] = field(default_factory=dict)
+    instead: dict[Name, list[Steps]] = field(default_factory=dict)
     misfit: dict[Name, MarkMisfit] = field(default_factory=dict)
     outlines: list[Array] = field(default_factory=list)
     out: dict[Name, str] = field(default_factory=dict)
@@ -146,12 +151,15 @@ class Outlook:
                 found.predicted[name] = misfits[place.name].expected
             elif name not in found.out and name not in marks:
                 with suppress(UserError):  # the mirrors do not reach it, or nobody knows yet
-                    found.predicted[name] = aiming.predict(place.name).steps
+                    expected = aiming.predict(place.name)
+                    found.predicted[name] = expected.steps
+                    found.instead[name] = [_steps(dac) for dac in expected.others]
         std = np.sqrt(np.diag(aiming.pose.covariance)[3:]).max()
         told = f"The instrument stands at about {_metres(aiming.pose.origin, std)}."
         found.wrong = aiming.contradiction()
         doubt = found.wrong or aiming.weakness()
         found.told = f"{told} But {doubt}." if doubt else told
+        found.told += OTHERWISE * any(found.instead.values())
         return found
 
     def _aiming(self, rough: KnownPose | None = None) -> Aiming:
@@ -205,7 +213,8 @@ class Outlook:
             found.told = f"By the scan's rough pose {place}"
         else:
             found.told = f"By the scan's rough pose, corrected by {' and '.join(each)}, {place}"
-        found.told += _unsure_told({self.places[name].name: n for name, n in unsure.items()})
+        found.instead = unsure
+        found.told += _unsure_told({self.places[k].name: len(each) for k, each in unsure.items()})
         found.told += f" But {wrong}." if wrong else ""
         found.wrong = wrong
         return found
@@ -226,8 +235,8 @@ class Outlook:
 
     def _spots(
         self, pose: tuple[Array, Array], known: Mapping[Name, Steps], seen: SpotsSeen
-    ) -> tuple[dict[Name, tuple[Array, float]], dict[Name, int]]:
-        """Say which circles are which spots, to standard deviations, and how many may be others.
+    ) -> tuple[dict[Name, tuple[Array, float]], dict[Name, list[Steps]]]:
+        """Say which circles are which spots, to standard deviations, and where others may be.
 
         Circles that are marked are where they are marked; no other one is what is seen there.
         """
@@ -250,10 +259,10 @@ class Outlook:
         sure = {
             circles[k]: (spots[j].dac, float(np.hypot(spots[j].std, self._pointing())))
             for k, j in found.spots.items()
+            if not marked[k]
         }
-        unsure = {circles[k]: count for k, count in found.open.items()}
-        free = {name: place for name, place in sure.items() if name not in known}
-        return free, {name: count for name, count in unsure.items() if name not in known}
+        free = ((k, each) for k, each in found.open.items() if not marked[k])
+        return sure, {circles[k]: [_steps(spots[j].dac) for j in each] for k, each in free}
 
     def _foreseen(self, poses: Sequence[RoughPose], view: str) -> Foresight:
         """Predict all places, outlines and corners by the likeliest poses."""
@@ -265,7 +274,7 @@ class Outlook:
         for name, place in self.places.items():
             dac = seen(place.position[None])[0]
             if np.isfinite(dac).all() and name not in found.out:
-                found.predicted[name] = (round(float(dac[0])), round(float(dac[1])))
+                found.predicted[name] = _steps(dac)
         outlines = [seen(points) for points in (*self.rims, *self.structure)]
         found.outlines = [dac[np.isfinite(dac).all(axis=1)] for dac in outlines]
         if CORNER in self.wanted:
@@ -305,6 +314,10 @@ class Outlook:
         return box
 
 
+def _steps(dac: Array) -> Steps:
+    return round(float(dac[0])), round(float(dac[1]))
+
+
 def _area(outline: Array) -> float:
     """Compute the area within an outline, squared; NaN of one that is not wholly known."""
     x, y = (outline - outline.mean(axis=0)).T
@@ -326,8 +339,8 @@ def _unsure_told(unsure: Mapping[str, int]) -> str:
         which = f"a spot of the look may be {' or '.join(unsure)}"
     else:
         return ""
-    told = f"{which[0].upper()}{which[1:]}: which? Look at a wider part, or take a sure one first."
-    return f" {told}"
+    ways = f"Look at a wider part, or take a sure one first.{OTHERWISE}"
+    return f" {which[0].upper()}{which[1:]}: which? {ways}"
 
 
 def _metres(point: Array, std: float | None = None) -> str:

@@ -186,12 +186,12 @@ class SpotAssignment:
     ----------
     spots : dict of int to int
         Numbers of spots by those of circles.
-    open : dict of int to int
-        Of circles of which it is open which spot they are: how many it may be.
+    open : dict of int to list of int
+        Of circles of which it is open which spot they are: those that it may be.
     """
 
     spots: Mapping[int, int]
-    open: Mapping[int, int]
+    open: Mapping[int, list[int]]
 
 
 def assign(pattern: CirclePattern, spots: Sequence[LookSpot], seen: SpotsSeen) -> SpotAssignment:
@@ -215,7 +215,7 @@ def assign(pattern: CirclePattern, spots: Sequence[LookSpot], seen: SpotsSeen) -
     best = min(found, key=lambda key: found[key])
     rivals = [key for key, cost in found.items() if cost < found[best] + OPEN]
     choices = [{key[k] for key in rivals} for k in range(len(best))]
-    unsure = {k: len(each - {-1}) for k, each in enumerate(choices) if len(each) > 1}
+    unsure = {k: sorted(each - {-1}) for k, each in enumerate(choices) if len(each) > 1}
     sure = {k: spot for k, spot in enumerate(best) if spot >= 0 and k not in unsure}
     return SpotAssignment(sure, unsure)
 

@@ -63,6 +63,9 @@ VARIABLES: dict[str, dict[str, Variable]] = {
         "direction": _V("edge mirror", "1", "unit vector along the scan line"),
         "width": _V("edge", "1", f"width of the edge's profile along the scan line, {DAC}", DAC),
         "reach": _V("edge side", "1", f"how far back and on pixels place the edge, {DAC}", DAC),
+        "growth_std": _V(
+            "edge mirror", "1", f"how far errors of uneven motion move a circle's edges, {DAC}", DAC
+        ),
         "phase": _V("edge", "rad", "phase of the motion on the scan line", "deg"),
         "circle": _V("edge", "1", "which rough centre the line belongs to"),
     },

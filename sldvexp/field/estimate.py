@@ -25,7 +25,6 @@ from sldvexp.dataset import with_findings
 from sldvexp.errors import UserError
 from sldvexp.field.bounds.advice import advice
 from sldvexp.field.bounds.calibration import calibration_changes
-from sldvexp.field.bounds.interpolation_error import interpolation_error
 from sldvexp.field.bounds.pointing import pointing_variance
 from sldvexp.field.bounds.pose_uncertainty import (
     PoseEffect,
@@ -33,7 +32,7 @@ from sldvexp.field.bounds.pose_uncertainty import (
     of_modes,
     pose_covariance,
 )
-from sldvexp.field.bounds.residuals_and_bounds import data_modes, residuals_only, variance_factors
+from sldvexp.field.bounds.residuals_and_bounds import residuals_only, variance_factors
 from sldvexp.field.equations.assembly import normal_equations, pixel_data
 from sldvexp.field.equations.conditioning import condition_numbers
 from sldvexp.field.equations.regions import RegionIterator
@@ -206,12 +205,12 @@ def solve_field(
     data = pixel_data(visibility.views)
     setup = FieldSetUp.recalled(visibility, method, local, data, bounds=bounds)
     fit = setup.solved(solver, data)
-    model, messages = fit.parts.model, fit.messages
-    if not bounds:
+    del setup  # with right sides that are no longer needed
+    model, messages, modes = fit.parts.model, fit.messages, fit.modes
+    if modes is None:
         left = residuals_only(fit.parts, fit.theta, fit.data)
         return FieldEstimate.from_fit(fit, left).result(messages)
     factor = variance_factors(visibility.views, model.pixel_std)
-    modes = data_modes(model, fit.data, factor)
     effect = None if poses is None else PoseEffect.from_modes(poses, modes, fit.theta, fit.data)
     found = fit.with_bounds(factor, effect)
     test = fit.intercept_test(found, effect)
@@ -224,8 +223,7 @@ def solve_field(
     pointing = pointing_variance(fit.parts, system, fit.solve, reduced)
     if pointing is not None:
         others["pointing"] = of_modes(modes, pointing)
-    error = interpolation_error(fit.parts, system, fit.solve, reduced)
-    error = None if error is None else modes.to_columns(error)
+    error = None if fit.interpolation is None else modes.to_columns(fit.interpolation)
     found = replace(found, others=others, interpolation=error)
     if poses is None:
         messages.append(NO_COVARIANCE)

@@ -7,7 +7,7 @@ results.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -15,9 +15,15 @@ import numpy as np
 from sldvexp.errors import UserError
 from sldvexp.field.bounds.efficiency import UNKNOWN, LeastVariance, least_variance_model
 from sldvexp.field.bounds.intercept_test import INTERCEPT, InterceptTest
+from sldvexp.field.bounds.interpolation_error import interpolation_errors
 from sldvexp.field.bounds.pose_uncertainty import PoseEffect
-from sldvexp.field.bounds.residuals_and_bounds import FieldBounds, with_bounds
-from sldvexp.field.equations.assembly import Equations, joint_equations, normal_equations
+from sldvexp.field.bounds.residuals_and_bounds import (
+    FieldBounds,
+    data_modes,
+    variance_factors,
+    with_bounds,
+)
+from sldvexp.field.equations.assembly import Equations, joint_equations
 from sldvexp.field.equations.regions import RegionIterator
 from sldvexp.field.equations.sample_model import FieldModel
 from sldvexp.field.equations.system import Solve, solution
@@ -30,6 +36,7 @@ from sldvexp.field.equations.undetermined import (
 )
 from sldvexp.field.result import LOCAL, WORLD, FieldResult
 from sldvexp.field.solvers.base import Solver
+from sldvexp.field.streaming.compression import FrequencyModes
 from sldvexp.field.visibility.coverage import flagged
 from sldvexp.field.visibility.holes import nodes_in_holes
 from sldvexp.field.visibility.visibility import VolumeVisibility
@@ -50,6 +57,8 @@ class FieldSetUp:
     ----------
     loose : Equations
         With the flags `found`, before they were made regular.
+    modes : FrequencyModes, optional
+        Of the data; None without bounds.
     best : LeastVariance, optional
         What bounds are compared with.
     notes : tuple of str
@@ -61,6 +70,7 @@ class FieldSetUp:
     found: Observability
     equations: Equations
     flags: Observability
+    modes: FrequencyModes | None = None
     best: LeastVariance | None = None
     notes: tuple[str, ...] = ()
 
@@ -73,23 +83,33 @@ class FieldSetUp:
         data: list[Array],
         *,
         bounds: bool = True,
+        modes: FrequencyModes | None = None,
     ) -> FieldSetUp:
         """Go through all samples once.
 
         Parameters
         ----------
         bounds : bool
-            Whether bounds are to come, for which those of the least variance are set up as well.
+            Whether bounds are to come, for which right sides of the interpolation's errors and the
+            equations of the least variance are set up as well.
+        modes : FrequencyModes, optional
+            Of the data, where they are known.
         """
         parts = RegionIterator(visibility, FieldModel.from_method(method, visibility, local))
-        model = least_variance_model(visibility, parts.model) if bounds else None
+        model, columns = None, [data]
+        if bounds:
+            model = least_variance_model(visibility, parts.model)
+            factor = variance_factors(visibility.views, parts.model.pixel_std)
+            modes = data_modes(parts.model, data, factor) if modes is None else modes
+            errors = interpolation_errors(visibility, [modes.of_columns(d) for d in data])
+            columns += [] if errors is None else [errors]
         key = "least variance", local
         best: LeastVariance | None = (visibility.common or {}).get(key) if model else None
         if model is None or best is not None:
-            equations = normal_equations(parts, data)
+            (equations,) = joint_equations([parts], [columns])
         else:
             of_best, nothing = parts.with_model(model), [d[:, :0] for d in data]
-            equations, others = joint_equations([parts, of_best], [data, nothing])
+            equations, others = joint_equations([parts, of_best], [columns, [nothing]])
             best = LeastVariance.from_equations(of_best, others)
             if visibility.common is not None and equations.system.is_small:
                 visibility.common[key] = best
@@ -98,7 +118,7 @@ class FieldSetUp:
         )
         firm, left = constrain_singular(equations, found) if bounds else (equations, found)
         notes = (UNKNOWN,) if model is not None and best is None else ()
-        return cls(parts, equations, found, firm, left, best, notes)
+        return cls(parts, equations, found, firm, left, modes, best, notes)
 
     @classmethod
     def recalled(
@@ -142,9 +162,23 @@ class FieldSetUp:
                 + "; ".join(_messages(parts, self.equations, found))
             )
         equations, solve = factorise(solver, self.equations, found)
-        theta = solution(equations.right, equations.system, solve)
-        roughly = solver.roughly(equations.system, solve)
-        return FieldFit(parts, data, equations, found, solve, roughly, theta, self.best, self.notes)
+        theta, *errors = (
+            solution(right, equations.system, solve)
+            for right in (equations.right, *equations.further)
+        )
+        return FieldFit(
+            parts,
+            data,
+            replace(equations, further=()),
+            found,
+            solve,
+            solver.roughly(equations.system, solve),
+            theta,
+            self.modes,
+            errors[0] if errors else None,
+            self.best,
+            self.notes,
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,9 +191,13 @@ class FieldFit:
         Of each view.
     roughly : callable
         As `solve`, for what is told with few digits.
+    theta : ndarray, shape (layer, surface_node, parameter, column)
+    modes : FrequencyModes, optional
+        Of the data; None without bounds.
+    interpolation : ndarray, shape (layer, surface_node, parameter, mode), m/s, optional
+        Error of the modes' nodal values by interpolation; None if no pixel tells.
     best : LeastVariance, optional
         What bounds are compared with.
-    theta : ndarray, shape (layer, surface_node, parameter, column)
     notes : tuple of str
         What is not known of it, in sentences.
     """
@@ -171,6 +209,8 @@ class FieldFit:
     solve: Solve
     roughly: Solve
     theta: Array
+    modes: FrequencyModes | None = None
+    interpolation: Array | None = None
     best: LeastVariance | None = None
     notes: tuple[str, ...] = ()
 
@@ -217,7 +257,7 @@ def _messages(parts: RegionIterator, equations: Equations, found: Observability)
     return [*told, note] if (note := parts.model.rows.note) else told
 
 
-#: Error of bounds above which the user is told.
+#: Error of bounds, as far as it was found, above which the user is told.
 WORTH_TELLING = 0.05
 
 
@@ -255,7 +295,8 @@ class FieldEstimate:
         blank(nodal, ~self.flags.determined)
         if error > WORTH_TELLING:
             messages.append(
-                f"standard errors are approximations here: exact ones differ by up to {error:.0%}"
+                "standard errors are approximations here: at the few nodes where exact ones were "
+                f"computed they differ by up to {error:.0%}"
             )
         return FieldResult(
             components=LOCAL if self.model.local else WORLD,

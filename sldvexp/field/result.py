@@ -79,7 +79,8 @@ class FieldResult:
     efficiency : ndarray, shape (node, component), optional
         Least variance that all views allow in these elements, over this method's; of the noise.
     bounds_error : float
-        Largest relative error of `std_noise` found where it was computed exactly.
+        Largest relative error of a standard error, from noise and poses, found at the few nodes
+        where it was computed exactly.
     coverage : tuple of Coverage
         What each view sees.
     messages : tuple of str

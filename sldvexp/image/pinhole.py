@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 
 from sldvexp.errors import UserError
 from sldvexp.geometry import BitangentPoints, ConicFit, Ellipse, fit_ellipse
-from sldvexp.geometry.conic import shape_matrix, signed_distance
+from sldvexp.geometry.conic import distance_jacobian, shape_matrix, signed_distance
 from sldvexp.image.scan_lines import ScanLineEdges
 from sldvexp.image.spot import seen_edges, spot_of_widths
 from sldvexp.laser import MIRRORS, TwoMirror
@@ -29,8 +29,10 @@ ROUNDS, SETTLED = 12, 0.02
 #: Widest spot, over the smaller semi-axis, whose edges are where they are computed to be; wider
 #: ones see the opposite edge, and lines end before their motion is even.
 WIDEST = 0.37
-#: By how much wider ones err, in widths: standard deviation of an ellipse's smaller semi-axis.
-ERRING = 0.2
+#: How far the smaller semi-axis errs with wider ones, in widths. From `CLOSING` semi-axes on the
+#: ellipse closes in on the spot, by `CLOSED` semi-axes for each by which that is wider. Root mean
+#: squares of spots of .4 to .7 of the true semi-axis, 45 to 70 degrees; wider ones show no edges.
+ERRING, CLOSING, CLOSED = 0.25, 0.45, 2.4
 
 
 def pinhole_from_dac(laser: TwoMirror, dac: ArrayLike) -> Array:
@@ -122,6 +124,7 @@ def pinhole_edges(laser: TwoMirror, edges: ScanLineEdges) -> ScanLineEdges:
         direction=along / stretch[:, None],
         width=edges.width * stretch,
         reach=None if edges.reach is None else edges.reach * stretch[:, None],
+        growth_std=None if edges.growth_std is None else edges.growth_std * stretch[:, None],
     )
 
 
@@ -138,6 +141,7 @@ def dac_edges(laser: TwoMirror, edges: ScanLineEdges) -> ScanLineEdges:
         direction=along / stretch[:, None],
         width=edges.width * stretch,
         reach=None if edges.reach is None else edges.reach * stretch[:, None],
+        growth_std=None if edges.growth_std is None else edges.growth_std * stretch[:, None],
     )
 
 
@@ -195,8 +199,11 @@ def fit_circle(edges: ScanLineEdges, method: str = "likelihood") -> tuple[ConicF
     """
     try:
         fit, moved = _freed(edges, method)
+        fit = _with_growth(fit, moved)
         if blur(fit, moved) > WIDEST:
-            error = ERRING * blur(fit, moved) * fit.ellipse.semi_axes.min()
+            wide = blur(fit, moved)
+            part = max(ERRING * wide, CLOSED * (wide - CLOSING))
+            error = part * fit.ellipse.semi_axes.min()
             wider = max(error / fit.ellipse.semi_axes_std[-1], 1.0)
             moved = replace(moved, std=wider * moved.std)
             spread = replace(fit.ellipse, covariance=wider**2 * fit.ellipse.covariance)
@@ -220,6 +227,40 @@ def require_ellipse(edges: ScanLineEdges) -> None:
         _fit(edges, "likelihood")
     except UserError as error:
         raise UserError(f"{error} (seen: {edges.summary()})") from None
+
+
+def _with_growth(fit: ConicFit, edges: ScanLineEdges) -> ConicFit:
+    """Add the error of the motion's growth, which all edges share, to that of the ellipse."""
+    if edges.growth_std is None:
+        return fit
+    numbers = fit.ellipse.parameters
+    _, normal = signed_distance(edges.position, numbers)
+    rows = distance_jacobian(normal, numbers) / fit.residual_std[:, None]
+    outwards = np.sum(normal * edges.direction, axis=-1) / fit.residual_std
+    moved = edges.growth_std * outwards[:, None]
+    change = np.linalg.pinv(rows[fit.used]) @ moved[fit.used]
+    covariance = fit.ellipse.covariance + change @ change.T
+    return replace(fit, ellipse=replace(fit.ellipse, covariance=covariance))
+
+
+def lines_at_ellipse(edges: ScanLineEdges, width: Array, fit: ConicFit) -> tuple[Array, Array]:
+    """Find how far ahead of their edges scan lines cross the ellipse, and the spot that they show.
+
+    Parameters
+    ----------
+    edges : ScanLineEdges
+        Freed from the spot, as `fit_circle` returns them.
+    width : ndarray, shape (n,), steps
+        Of the edges as they are seen, along the lines.
+
+    Returns
+    -------
+    ahead : ndarray, shape (n,), steps
+    spot : ndarray, shape (2, 2), steps^2
+        Covariance of its light.
+    """
+    _, widening = _seen(edges, width, fit)
+    return _to_ellipse(edges, fit.ellipse.parameters), _spot(edges, width / widening, fit)
 
 
 def blur(fit: ConicFit, edges: ScanLineEdges) -> float:
@@ -274,11 +315,15 @@ def _seen(edges: ScanLineEdges, width: Array, fit: ConicFit) -> tuple[Array, Arr
         From the ellipse along the line; width as it is seen over that of a straight edge.
     """
     numbers = fit.ellipse.parameters
-    _, normal = signed_distance(edges.position, numbers)
-    cosine = np.abs((normal * edges.direction).sum(axis=-1))
-    spot = spot_of_widths(width * cosine, edges.std * cosine, normal)
+    spot = _spot(edges, width, fit)
     crossing = _moved(edges, _to_ellipse(edges, numbers))
     return seen_edges(numbers, spot, crossing.position, edges.direction, crossing.reach)
+
+
+def _spot(edges: ScanLineEdges, width: Array, fit: ConicFit) -> Array:
+    _, normal = signed_distance(edges.position, fit.ellipse.parameters)
+    cosine = np.abs((normal * edges.direction).sum(axis=-1))
+    return spot_of_widths(width * cosine, edges.std * cosine, normal)
 
 
 def _to_ellipse(edges: ScanLineEdges, numbers: Array) -> Array:

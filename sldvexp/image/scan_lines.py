@@ -208,6 +208,9 @@ class ScanLineEdges:
     name : str
     reach : ndarray, shape (n, 2), steps, optional
         How far the pixels that place an edge go, from it back along the line and on.
+    growth_std : ndarray, shape (n, 2), steps, optional
+        How far two independent errors of the motion's growth over the circle move the edges along
+        the scan lines, all together, one standard deviation each (`sldvexp.image.uneven_motion`).
     """
 
     position: Array
@@ -221,6 +224,7 @@ class ScanLineEdges:
     lines: int
     name: str
     reach: Array | None = None
+    growth_std: Array | None = None
 
     def counts(self) -> dict[Reason, int]:
         """Count how many candidates were rejected for each reason."""

@@ -4,7 +4,7 @@ Cells are between commas, semicolons or tabs, whichever the header has, and numb
 point or, in all of a table, a comma. Lines that start with ``#`` are comments, and every complaint
 names the file, the line and the column. Rows are read with the module `csv` and not with pandas,
 which tells neither on which line a row stands nor that it is too short, and gives columns of one
-name others.
+name others; of a table whose rows are all alike it reads the columns.
 """
 
 from __future__ import annotations
@@ -19,76 +19,77 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import chain
 from pathlib import Path
-from typing import overload
+from typing import Any, overload
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sldvexp.errors import UserError
 from sldvexp.files import read_text, require_file, with_check_line
-from sldvexp.typing import Array, BoolArray, IntArray
+from sldvexp.lazy import pandas as pd
+from sldvexp.typing import Array, IntArray
 from sldvexp.units import LengthUnit, Unit
 
 AXES = ("x", "y", "z")
 #: Cells that stand for a number which is not there, in small letters.
 MISSING = {"", "-", "--", "---", "nan", "na", "n/a", "#n/a", "#nv", "null", "none", "*", "***"}
 MISSING |= {"1.#qnan", "-1.#ind", "nan(ind)"}
+#: Words that pandas takes for one and zero, where a column has nothing else.
+WORDS = ("True", "TRUE", "true", "False", "FALSE", "false")
 #: How the columns of coordinates are named, for messages.
 COORDINATES = f"x_U, y_U, z_U with U one of {', '.join(LengthUnit.__members__)}"
 
 
-#: Rows whose numbers are read together, so that what is in between stays in the cache.
-ROWS_AT_ONCE = 2**14
-#: Places in a text up to here take half the memory.
-LARGEST_SMALL = np.iinfo(np.int32).max
-#: Powers of ten that are exact, and digits of whole numbers that are: the quotient of both is the
-#: number that is nearest to the text, as `float` finds it.
-POWERS, EXACT_DIGITS = 10.0 ** np.arange(23), 15
-
-
 class EvenRows(Sequence[tuple[str, ...]]):
-    """Rows that have as many cells as there are columns, as places in their text.
+    """Rows that have as many cells as there are columns, as their text.
 
     Cells of a million rows would take a gigabyte as texts of their own.
 
     Parameters
     ----------
-    text : str
-        Of ASCII.
-    ends : ndarray of int, shape (row, column)
-        Places behind the cells; the next cell begins one further.
-    first : int
-        Where the first row begins.
+    content : bytes
+        ASCII: the header's line, and each row's with its end.
+    delimiter : str
+        Of the cells of a row.
     """
 
-    def __init__(self, text: str, ends: NDArray[np.signedinteger], first: int) -> None:
-        self.text, self.ends = text, ends
-        self.starts = np.empty_like(ends)
-        if ends.size:
-            self.starts.reshape(-1)[0] = first
-            self.starts.reshape(-1)[1:] = ends.reshape(-1)[:-1] + 1
-        self._raw = np.frombuffer(text.encode(), np.uint8)
+    def __init__(self, content: bytes, delimiter: str) -> None:
+        self._content, self._delimiter = content, delimiter
+        self._ends = np.flatnonzero(np.frombuffer(content, np.uint8) == ord("\n"))
 
     def column(self, k: int) -> list[str]:
         """Give the cells of a column."""
-        pairs = zip(self.starts[:, k].tolist(), self.ends[:, k].tolist(), strict=True)
-        return [self.text[start:end] for start, end in pairs]
+        cells: list[str] = self._read([k], dtype=object, na_filter=False)[k].tolist()
+        return cells
 
-    def floats(self, k: int) -> Array:
-        """Convert a column to numbers; NaN where a cell is none."""
-        found = np.empty(len(self))
-        for first in range(0, len(self), ROWS_AT_ONCE):
-            some = slice(first, first + ROWS_AT_ONCE)
-            start, end = self.starts[some, k], self.ends[some, k]
-            values, plain = _plain_numbers(self._raw, start, end)
-            others = np.flatnonzero(~plain)
-            pairs = zip(start[others].tolist(), end[others].tolist(), strict=True)
-            values[others] = _floats([self.text[i:j] for i, j in pairs])
-            found[some] = values
-        return found
+    def floats(self, columns: Sequence[int]) -> Array:
+        """Convert columns to numbers, shape (row, column); NaN where a cell is none."""
+        version = tuple(map(int, pd.__version__.split(".")[:2]))
+        # the number nearest to the text, which later ones find and warn of the word for it
+        nearest = {"float_precision": "round_trip"} if version < (3, 1) else {}
+        try:
+            read = self._read(columns, dtype=float, na_values=[*MISSING, *WORDS], **nearest)
+        except ValueError:  # a cell that is neither a number nor missing
+            if len(columns) == 1:
+                return _floats(self.column(columns[0]))[:, None]
+            return np.concatenate([self.floats([k]) for k in columns], axis=1)
+        values: Array = read[list(columns)].to_numpy(copy=True)
+        for row, k in np.argwhere(np.isinf(values)).tolist():
+            values[row, k] = _float(self[row][columns[k]])  # inf is infinity, Infinity is none
+        return values
+
+    def _read(self, columns: Sequence[int], **how: Any) -> pd.DataFrame:
+        """Let pandas read columns; it complains if there are no rows."""
+        return pd.read_csv(
+            io.BytesIO(self._content),
+            sep=self._delimiter,
+            header=None,
+            skiprows=1,
+            usecols=columns,
+            **how,
+        )
 
     def __len__(self) -> int:
-        return len(self.ends)
+        return len(self._ends) - 1
 
     @overload
     def __getitem__(self, row: int) -> tuple[str, ...]: ...
@@ -99,8 +100,9 @@ class EvenRows(Sequence[tuple[str, ...]]):
     def __getitem__(self, row: int | slice) -> tuple[str, ...] | list[tuple[str, ...]]:
         if isinstance(row, slice):
             return [self[k] for k in range(*row.indices(len(self)))]
-        pairs = zip(self.starts[row].tolist(), self.ends[row].tolist(), strict=True)
-        return tuple(self.text[start:end] for start, end in pairs)
+        k = range(len(self))[row]
+        line = self._content[self._ends[k] + 1 : self._ends[k + 1]]
+        return tuple(line.decode().split(self._delimiter))
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,9 +162,9 @@ class TextTable:
             If a row has more or fewer cells than there are columns.
         """
         k = self.header.index(name)
-        if isinstance(self.rows, EvenRows):
-            return self.rows.column(k)
-        return self._columns[k] if self.rows else []
+        if not self.rows:
+            return []
+        return self.rows.column(k) if isinstance(self.rows, EvenRows) else self._columns[k]
 
     @cached_property
     def _columns(self) -> list[list[str]]:
@@ -175,11 +177,11 @@ class TextTable:
         cells = list(chain.from_iterable(self.rows))
         return [cells[k::count] for k in range(count)]
 
-    def floats(self, name: str) -> Array:
-        """Convert a column to numbers; NaN where a cell is none."""
-        if isinstance(self.rows, EvenRows):
-            return self.rows.floats(self.header.index(name))
-        return _floats(self.column(name))
+    def floats(self, names: Sequence[str]) -> Array:
+        """Convert columns to numbers, shape (row, column); NaN where a cell is none."""
+        if isinstance(self.rows, EvenRows) and self.rows:
+            return self.rows.floats([self.header.index(name) for name in names])
+        return np.array([_floats(self.column(name)) for name in names]).T
 
     def numbers(self, columns: Sequence[str], of: Sequence[str] = ()) -> Array:
         """Convert columns to finite numbers, in the file's units.
@@ -198,7 +200,7 @@ class TextTable:
         UserError
             If a cell is not a finite number.
         """
-        values = np.stack([self.floats(name) for name in columns], axis=-1)
+        values = self.floats(columns)
         if not np.isfinite(values).all():
             row, k = np.argwhere(~np.isfinite(values))[0]
             what = f"{columns[k]}{of[row] if of else ''}"
@@ -284,7 +286,8 @@ def read_table(path: Path, inline_comments: bool = False) -> TextTable:
     delimiter = _delimiter(text)
     if even := _even_rows(text, delimiter):
         table = TextTable(path, *even)
-        return table if delimiter == "," else replace(table, rows=_with_points(table))
+        decimal = delimiter != "," and "," in text
+        return replace(table, rows=_with_points(table)) if decimal else table
     each = (f"{line}\n" for line in text.split("\n"))
     reader = csv.reader(each, delimiter=delimiter, skipinitialspace=True)
     lines: list[int] = []
@@ -324,24 +327,21 @@ def _even_rows(text: str, delimiter: str) -> tuple[list[str], range, EvenRows] |
     odd = [*UNEVEN, "\n" + delimiter, *("\t" if delimiter != "\t" else "")]
     if not text.isascii() or text.startswith((delimiter, "\n")) or any(o in text for o in odd):
         return None
-    text = text.removesuffix("\n")
+    if not (text := text.removesuffix("\n")):
+        return None
     header = text.partition("\n")[0].split(delimiter)
-    raw = np.frombuffer(f"{text}\n".encode(), np.uint8)
-    small: type[np.signedinteger] = np.int32 if len(raw) <= LARGEST_SMALL else np.int64
-    places = np.flatnonzero((raw == ord(delimiter)) | (raw == ord("\n"))).astype(small)
-    columns = len(header)
-    if len(places) % columns or not text:
+    content = f"{text}\n".encode()
+    ends = (delimiter * (len(header) - 1) + "\n").encode()
+    others = bytes({*range(128)} - {ord(delimiter), ord("\n")})
+    rows = EvenRows(content, delimiter)
+    if content.translate(None, others) != ends * (1 + len(rows)):
         return None
-    ends = places.reshape(-1, columns)
-    lines = raw[ends] == ord("\n")
-    if lines[:, :-1].any() or not lines[:, -1].all():
-        return None
-    return header, range(1, len(lines) + 1), EvenRows(text, ends[1:], int(ends[0, -1]) + 1)
+    return header, range(1, 2 + len(rows)), rows
 
 
 def _delimiter(text: str) -> str:
     """Find the delimiter that the header has most of."""
-    lines = (line.strip(" ") for line in text.splitlines())
+    lines = (match[0].strip(" ") for match in re.finditer("[^\n]+", text))
     header = next((line for line in lines if line.strip() and not line.startswith("#")), "")
     return max(DELIMITERS, key=header.count)
 
@@ -542,36 +542,3 @@ def _floats(cells: Sequence[str]) -> Array:
         with suppress(ValueError):  # an empty cell, or more signs than a number has
             return np.fromiter(map(float, cells), float, len(cells))
     return np.array([_float(cell) for cell in cells], float)
-
-
-def _plain_numbers(
-    raw: NDArray[np.uint8], start: NDArray[np.signedinteger], end: NDArray[np.signedinteger]
-) -> tuple[Array, BoolArray]:
-    """Convert cells of a sign, few digits and a point, all at once, to the numbers of `float`.
-
-    Returns
-    -------
-    values : ndarray, shape (cell,)
-    plain : ndarray of bool, shape (cell,)
-        Cells that are no more than that; others have no value.
-    """
-    length, last = end - start, len(raw) - 1
-    whole, digits = np.zeros(len(start), np.int64), np.zeros(len(start), np.int8)
-    behind, point = np.zeros(len(start), np.int8), np.zeros(len(start), bool)
-    sign = raw[np.minimum(start, last)]
-    negative = (sign == ord("-")) & (length > 0)
-    signed = negative | ((sign == ord("+")) & (length > 0))
-    plain = length <= 1 + 1 + EXACT_DIGITS
-    for k in range(min(int(length.max(initial=0)), 1 + 1 + EXACT_DIGITS)):
-        here = length > k
-        value = raw[np.minimum(start + k, last)] - np.uint8(ord("0"))
-        digit = here & (value < 10)
-        dot = here & (value == np.uint8(ord(".") - ord("0") + 256))
-        plain &= ~here | digit | (dot & ~point) | (signed if k == 0 else False)
-        whole = np.where(digit, 10 * whole + value, whole)
-        digits += digit
-        behind += digit & point
-        point |= dot
-    plain &= (digits > 0) & (digits <= EXACT_DIGITS)
-    values = whole / POWERS[behind]
-    return np.where(negative, -values, values), plain

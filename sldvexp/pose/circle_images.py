@@ -120,8 +120,7 @@ def _used(fitted: CircleFit) -> ScanLineEdges:
     """Keep the edges that are no outliers."""
     fit, edges = fitted
     parts = ["position", "std", "direction", "width", "line", "rising", "phase"]
-    if edges.reach is not None:
-        parts.append("reach")
+    parts += [p for p in ("reach", "growth_std") if getattr(edges, p) is not None]
     return replace(edges, **{p: getattr(edges, p)[fit.used] for p in parts})
 
 

@@ -6,8 +6,9 @@ Everything is in the laser frame: a circle of centre M, unit normal N and radius
 own error along its scan line makes of it.
 
 The views have the object in common: the errors of its circles are the same in each, and so are the
-intrinsics that are said to be shared. The errors of the edges are taken as normal, independent and
-as large as they are said to be, pointing noise included (`sldvexp.pose.pointing` finds that).
+intrinsics that are said to be shared. The errors of the edges are taken as normal, as large as they
+are said to be, pointing noise included (`sldvexp.pose.pointing` finds that), and as independent but
+for what an uneven motion's growth adds to all edges of a circle (`EdgePoints.decorrelated`).
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from numpy.typing import ArrayLike
 
 from sldvexp.errors import UserError
 from sldvexp.geometry import rotation_from_vector
-from sldvexp.laser import TwoMirror, rays
+from sldvexp.laser import rays
 from sldvexp.lazy import xarray as xr
 from sldvexp.pose.base import EXTRINSICS, JointCovariance, describe_pose, pose_to_dataset
 from sldvexp.pose.bundle_adjustment import (
@@ -30,10 +31,10 @@ from sldvexp.pose.bundle_adjustment import (
     LinearisedResiduals,
     adjust_views,
 )
+from sldvexp.pose.edge_points import EdgePoints
 from sldvexp.pose.intrinsics import named, nominal_intrinsics, places, true_angles
 from sldvexp.pose.single_view import solve_points
-from sldvexp.targets import Circles
-from sldvexp.typing import Array, IndexArray
+from sldvexp.typing import Array
 
 #: Numbers in which a machined circle errs: its centre along three axes and its radius.
 ERRORS = 4
@@ -43,94 +44,6 @@ RIM, FIRST_INTRINSIC, MOVED = 6, 7, 12
 
 #: Standard deviations of a circle's errors over that of a coordinate: a radius is half a diameter.
 CIRCLE = np.array([1.0, 1.0, 1.0, 0.5])
-
-
-@dataclass(frozen=True, eq=False)
-class EdgePoints:
-    """Edge points of one view with the circle each belongs to.
-
-    Parameters
-    ----------
-    angle : ndarray, shape (n, 2), rad
-        By the nominal calibration.
-    along : ndarray, shape (n, 2), rad
-        Change of the angles along the scan line for one standard error of the edge.
-    center : ndarray, shape (n, 3), m
-        Of the point's circle, in the world.
-    normal : ndarray, shape (n, 3)
-        Unit normal of the circle's plane, in the world.
-    radius : ndarray, shape (n,), m
-    in_plane : ndarray, shape (n, 2, 3)
-        Unit vectors of the circle's plane, in the world.
-    circle : ndarray of int, shape (n,)
-        Index of the circle, from 0, the same in all views.
-    std : ndarray, shape (n,), DAC steps
-        Standard error of each edge along its scan line, with the mirrors' pointing noise.
-    step : ndarray, shape (2,), rad
-        Angle of one DAC step of each mirror.
-    """
-
-    angle: Array
-    along: Array
-    center: Array
-    normal: Array
-    radius: Array
-    in_plane: Array
-    circle: IndexArray
-    std: Array
-    step: Array
-
-    @classmethod
-    def from_dac(
-        cls,
-        target: Circles,
-        laser: TwoMirror,
-        number: ArrayLike,
-        dac: ArrayLike,
-        direction: ArrayLike,
-        std: ArrayLike,
-    ) -> EdgePoints:
-        """Take edges in DAC steps, each of a circle of the calibration object.
-
-        Parameters
-        ----------
-        number : array_like of int, shape (n,)
-            Circle of each edge, as the target numbers it.
-        dac : array_like, shape (n, 2), DAC steps
-            Edge points (up_down, left_right).
-        direction : array_like, shape (n, 2)
-            Unit vectors of the scan lines, along which the edges err.
-        std : array_like, shape (n,), DAC steps
-            Standard error along the scan line.
-        """
-        numbers, unit = sorted(target.circles), target.unit.value
-        dac, direction, std = (np.asarray(a, float) for a in (dac, direction, std))
-        circle = np.searchsorted(numbers, np.asarray(number))
-        features = [target.circles[n] for n in numbers]
-        planes = [target.planes[c.plane] for c in features]
-        axes = np.array([p.axes() for p in planes])
-        center = [
-            unit * (np.array(p.origin) + c.x * own[0] + c.y * own[1])
-            for p, c, own in zip(planes, features, axes, strict=True)
-        ]
-        radius = np.array([unit * c.diameter / 2 for c in features])
-        angle, along = angles_along(laser, dac, direction, std)
-        return cls(
-            angle=angle,
-            along=along,
-            center=np.array(center)[circle],
-            normal=axes[circle, 2],
-            radius=radius[circle],
-            in_plane=axes[circle, :2],
-            circle=circle,
-            std=std,
-            step=laser.step,
-        )
-
-    @property
-    def axes(self) -> Array:
-        """Axes of the circle's plane, its normal last, in the world, shape (n, 3, 3)."""
-        return np.concatenate([self.in_plane, self.normal[:, None]], axis=1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -410,6 +323,8 @@ class EdgeView:
     expected : ndarray, shape (own,)
     scale : ndarray, shape (n,), m
         Standard errors of the residuals.
+    outwards : ndarray, shape (n,)
+        Sense of the scan lines, as in `EdgePoints.decorrelated`.
     """
 
     points: EdgePoints
@@ -419,6 +334,7 @@ class EdgeView:
     own_prior: Array
     expected: Array
     scale: Array
+    outwards: Array
 
     @classmethod
     def at_start(
@@ -427,7 +343,7 @@ class EdgeView:
         """Begin with a scene whose intrinsics are as they are expected."""
         own, prior = places(adjust), np.array(list(adjust.values()))
         unit = np.ones(len(points.radius))
-        return cls(points, scene, own, shared, prior, scene.intrinsics[own], unit)
+        return cls(points, scene, own, shared, prior, scene.intrinsics[own], unit, 0.0 * unit)
 
     def with_common(self, common: Array) -> EdgeScene:
         """Give the scene the common unknowns: shared intrinsics, then the circles' errors."""
@@ -442,12 +358,13 @@ class EdgeView:
     def linearise(self, common: Array) -> LinearisedResiduals:
         """See `sldvexp.pose.bundle_adjustment.ViewTerms`."""
         residual, jacobian = residuals(self.points, self.with_common(common))
-        jacobian /= self.scale[:, None]
+        values = np.column_stack([residual, jacobian]) / self.scale[:, None]
+        residual, jacobian = np.split(self.points.decorrelated(values, self.outwards), [1], axis=1)
         own = [*range(RIM + 1), *(FIRST_INTRINSIC + k for k in self.own)]
         shared = [FIRST_INTRINSIC + k for k in self.shared]
         circles = range(MOVED, MOVED + len(common) - len(shared))
         return LinearisedResiduals(
-            residual / self.scale, jacobian[:, own], jacobian[:, [*shared, *circles]]
+            residual[:, 0], jacobian[:, own], jacobian[:, [*shared, *circles]]
         )
 
     def moved(self, step: Array) -> EdgeView:
@@ -466,7 +383,8 @@ class EdgeView:
 
     def weighed(self, common: Array) -> EdgeView:
         """See `sldvexp.pose.bundle_adjustment.ViewTerms`."""
-        return replace(self, scale=spread(self.points, self.with_common(common)))
+        change = spread(self.points, self.with_common(common))
+        return replace(self, scale=np.abs(change), outwards=np.sign(change))
 
     def prior(self) -> tuple[Array, Array]:
         """See `sldvexp.pose.bundle_adjustment.ViewTerms`."""
@@ -528,9 +446,9 @@ def residuals(points: EdgePoints, scene: EdgeScene) -> tuple[Array, Array]:
 
 
 def spread(points: EdgePoints, scene: EdgeScene) -> Array:
-    """Give the change of ``|Q - M|`` for one standard error of each edge along its scan line, m."""
+    """Give the change of ``|Q - M|`` for one standard error of each edge ahead on its line, m."""
     ends = (_meet(points, scene, sign * points.along).distance for sign in (0.5, -0.5))
-    return np.asarray(np.abs(np.subtract(*ends)))
+    return np.asarray(np.subtract(*ends))
 
 
 class _Met(NamedTuple):
@@ -587,10 +505,3 @@ def _by_intrinsics(points: EdgePoints, scene: EdgeScene, met: _Met) -> Array:
         ],
         axis=-1,
     )
-
-
-def angles_along(laser: TwoMirror, dac: Array, direction: Array, std: Array) -> tuple[Array, Array]:
-    """Give the angles of edge points, and their change for a standard error along the scan line."""
-    step = direction * std[:, None]
-    angle = laser.angle_from_dac(dac)
-    return angle, laser.angle_from_dac(dac + step / 2) - laser.angle_from_dac(dac - step / 2)

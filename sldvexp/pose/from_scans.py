@@ -157,9 +157,9 @@ def too_wide(view: str, blurs: Mapping[int, float]) -> Iterator[Finding]:
                 f"circle {number}",
                 f"view {view}: the spot's 1/e^2 radius is {2 * size:.2g} times the smaller "
                 f"semi-axis of the image of circle {number}, where {2 * WIDEST:.2g} is the most "
-                "that tells where its edges are; the bounds are made wider for it, enough up to "
-                "spots as wide as the semi-axis; a larger circle, a beam focused nearer to it or "
-                "a stand that sees it less at a slant would do",
+                "that tells where its edges are; the bounds are made wider for it; a larger "
+                "circle, a beam focused nearer to it or a stand that sees it less at a slant "
+                "would do",
                 Severity.doubtful,
                 size=size,
                 views=(view,),

@@ -33,11 +33,13 @@ import numpy as np
 from sldvexp.dataset import Finding, Severity
 from sldvexp.errors import UserError
 from sldvexp.geometry import vector_from_rotation
+from sldvexp.image import ScanLineEdges
 from sldvexp.laser import TwoMirror
 from sldvexp.lazy import scipy
 from sldvexp.pose.base import EXTRINSICS, JointCovariance
 from sldvexp.pose.circle_images import CircleImages
-from sldvexp.pose.edge_solver import ERRORS, RIM, EdgePoints, EdgePoses, solve_edges
+from sldvexp.pose.edge_points import EdgePoints
+from sldvexp.pose.edge_solver import ERRORS, RIM, EdgePoses, solve_edges
 from sldvexp.pose.intrinsics import nominal_intrinsics
 from sldvexp.pose.least_squares import INTRINSICS
 from sldvexp.pose.pointing import lack_of_fit
@@ -156,15 +158,20 @@ class Freed:
 def edge_points(images: CircleImages, laser: TwoMirror, circles: Circles) -> EdgePoints:
     """Gather all edge points of a view with the circles that they belong to."""
     edges = images.edges
+    numbers = [np.full(len(e.std), number) for number, e in edges.items()]
     return EdgePoints.from_dac(
         circles,
         laser,
-        np.concatenate([np.full(len(e.std), number) for number, e in edges.items()]),
-        *(
-            np.concatenate([getattr(e, name) for e in edges.values()])
-            for name in ("position", "direction", "std")
-        ),
+        np.concatenate(numbers),
+        np.concatenate([e.position for e in edges.values()]),
+        np.concatenate([e.direction for e in edges.values()]),
+        np.concatenate([e.std for e in edges.values()]),
+        np.concatenate([_growth_std(e) for e in edges.values()]),
     )
+
+
+def _growth_std(edges: ScanLineEdges) -> Array:
+    return np.zeros((len(edges.std), 2)) if edges.growth_std is None else edges.growth_std
 
 
 def judge_circles(

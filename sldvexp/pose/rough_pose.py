@@ -16,7 +16,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import lru_cache
 
 import numpy as np
 
@@ -50,6 +51,9 @@ UNLIKELY = 1e-6
 STARTS, FEW_STARTS = 150, 16
 #: Probability of the residuals below which the stated errors are too small.
 REFUTED = 0.001
+#: Sets of marks whose poses are remembered: with each mark that is taken all others are compared
+#: once more, which leaves most sets as they were.
+REMEMBERED = 256
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,6 +120,28 @@ def rough_poses(matched: MatchedPoints) -> list[RoughPose]:
     UserError
         If there are fewer, they lie on one line, or no pose was found.
     """
+    return [*_remembered(_Marks.from_points(matched))]
+
+
+@dataclass(frozen=True)
+class _Marks:
+    """Marks that are the same as others of the same numbers."""
+
+    numbers: tuple[object, ...]
+    matched: MatchedPoints = field(compare=False)
+
+    @classmethod
+    def from_points(cls, matched: MatchedPoints) -> _Marks:
+        """Take all that decides the poses."""
+        arrays = (matched.points, matched.angles, matched.step, matched.relative_std)
+        numbers = (matched.std is None, matched.mirror_offset, matched.max_iterations)
+        return cls((*numbers, *(np.asarray(a, float).tobytes() for a in arrays)), matched)
+
+
+@lru_cache(REMEMBERED)
+def _remembered(marks: _Marks) -> tuple[RoughPose, ...]:
+    """Find what `rough_poses` gives, once."""
+    matched = marks.matched
     given = observations(
         matched.points, matched.angles, matched.step, matched.mirror_offset, {}, matched.std
     )
@@ -144,11 +170,11 @@ def rough_poses(matched: MatchedPoints) -> list[RoughPose]:
     probability = np.exp(logarithm - logarithm.max())
     probability[probability < UNLIKELY] = 0.0
     probability /= probability.sum()
-    return [
+    return tuple(
         RoughPose(one.rotation, one.origin, one.covariance, one.cost, dof, float(p))
         for p, one in sorted(zip(probability, each, strict=True), key=lambda pair: -pair[0])
         if p > 0
-    ]
+    )
 
 
 def _excess(cost: float, dof: int) -> float:

@@ -331,8 +331,9 @@ class _Aim:
         if self.goals:
             at = self.at_goal
             off = np.subtract(self.goals[at], self.beam)
-            which = f" to place {at + 1} of {len(self.goals)}" if len(self.goals) > 1 else ""
-            parts.append(f"to go {off[0]:+d} {off[1]:+d}{which}")
+            parts.append(f"to go {off[0]:+d} {off[1]:+d}")
+            if len(self.goals) > 1:
+                parts.append(f"to place {at + 1} of {len(self.goals)}")
         step = f"step {self.person.step}"
         if self.keyboard.is_waiting:  # whoever holds a key down shall not wait for the light
             parts.append(step)

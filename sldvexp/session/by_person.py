@@ -80,7 +80,7 @@ def record_marks(scan: ByHand, at: ViewContext) -> dict[str, xr.Dataset]:
             "was measured: move the beam onto what is seen, and take each there"
         )
     if answers.unmoved:
-        at.findings.append(_unmoved(v, list(answers.unmoved), len(found)))
+        at.findings.append(_unmoved(v, sorted(answers.unmoved), len(found)))
     numbers = np.array([mark.number for mark, _ in found])
     position = np.array([mark.position for mark, _ in found])
     std = np.array([mark.std for mark, _ in found])
@@ -130,9 +130,8 @@ class _Answers:
         self._opened = ExitStack()
         self._beam = HOME
         self.unmoved: set[int] = set()  # marks that were taken where they were predicted
-        self._again: dict[
-            int, tuple[Steps, bool]
-        ] = {}  # where marks were found that are open again
+        # Marks that are open again: where they were found, and if that was predicted.
+        self._again: dict[int, tuple[Steps, bool]] = {}
         self._kept: dict[int, Steps | None] = {}  # answers of the journal, as they were at first
 
     def all(self) -> dict[int, Steps | None]:

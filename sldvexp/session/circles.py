@@ -241,7 +241,8 @@ def edges_to_dataset(edges: list[ScanLineEdges]) -> xr.Dataset:
         dac_std=np.concatenate([e.std for e in edges]),
         direction=np.concatenate([e.direction for e in edges]),
         width=np.concatenate([e.width for e in edges]),
-        reach=np.concatenate([_reach(e) for e in edges]),
+        reach=np.concatenate([_pairs(e.reach, e, np.nan) for e in edges]),
+        growth_std=np.concatenate([_pairs(e.growth_std, e, 0.0) for e in edges]),
         phase=np.concatenate([e.phase for e in edges]),
         circle=np.repeat(np.arange(1, len(edges) + 1), sizes),
     )
@@ -251,8 +252,8 @@ def edges_to_dataset(edges: list[ScanLineEdges]) -> xr.Dataset:
     return group
 
 
-def _reach(edges: ScanLineEdges) -> Array:
-    return np.full((len(edges.std), 2), np.nan) if edges.reach is None else edges.reach
+def _pairs(values: Array | None, edges: ScanLineEdges, usual: float) -> Array:
+    return np.full((len(edges.std), 2), usual) if values is None else values
 
 
 def edges_of(group: xr.Dataset) -> list[ScanLineEdges]:
@@ -270,6 +271,7 @@ def edges_of(group: xr.Dataset) -> list[ScanLineEdges]:
                 width=own["width"].values,
                 line=np.arange(count),
                 reach=own["reach"].values if "reach" in own else None,
+                growth_std=own["growth_std"].values if "growth_std" in own else None,
                 rising=np.zeros(count, bool),
                 phase=own["phase"].values,
                 rejected=(),

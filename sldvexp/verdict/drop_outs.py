@@ -132,7 +132,10 @@ def _unlike(view: View, among: IndexArray) -> BoolArray:
 
 
 def _alike(view: View, among: IndexArray, some: IndexArray) -> IndexArray:
-    """Find which of some pixels are as several around them, or as the mean of two opposite ones."""
+    """Find which of some pixels are as several around them, or between two opposite ones.
+
+    At a rim an image has a kink, on either side of which a pixel may be: it has any share of both.
+    """
     if not len(some):
         return some
     values, std = _channels(view, among)
@@ -146,8 +149,11 @@ def _alike(view: View, among: IndexArray, some: IndexArray) -> IndexArray:
     opposite = middle < 0.5 * np.linalg.norm(away[:, one] - away[:, other], axis=2)
     own, around = values[place, None], values[near]
     as_one = np.sum(((own - around) / noise) ** 2, axis=2) / 2.0 < limit
-    between = (around[:, one] + around[:, other]) / 2.0
-    as_two = np.sum(((own - between) / noise) ** 2, axis=2) / 1.5 < limit
+    first, second = (own - around[:, one]) / noise, (around[:, other] - around[:, one]) / noise
+    length = np.maximum(np.sum(second**2, axis=2), np.finfo(float).tiny)
+    share = np.clip(np.sum(first * second, axis=2) / length, 0.0, 1.0)[..., None]
+    variance = 1.0 + (1.0 - share[..., 0]) ** 2 + share[..., 0] ** 2
+    as_two = np.sum((first - share * second) ** 2, axis=2) / variance < limit
     return some[(as_one.sum(axis=1) >= ALIKE) | (as_two & opposite).any(axis=1)]
 
 

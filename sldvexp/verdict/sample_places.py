@@ -30,7 +30,9 @@ class SamplePlaces:
     @classmethod
     def from_coordinates(cls, values: xr.DataArray, dims: Sequence[str]) -> SamplePlaces:
         """Label the entries of an array, the last of its dimensions running fastest."""
-        labels = {str(d): tuple(_said(str(d), of) for of in values[d].values) for d in dims}
+        labels = {
+            str(d): tuple(_said(str(d), of) for of in values[d].values.tolist()) for d in dims
+        }
         grid = np.meshgrid(*[np.arange(len(own)) for own in labels.values()], indexing="ij")
         return cls(labels, {d: g.ravel() for d, g in zip(labels, grid, strict=True)})
 

@@ -183,11 +183,25 @@ def test_schemas_of_entries_are_made_once_and_are_nobody_elses(loaders, monkeypa
     assert made == []
 
 
+def test_nodes_are_told_what_they_are_in_and_forget_its_flags(loaders):
+    whole = loaders[0].load_configuration("config", [], RunMode.RUN)
+    for node in (whole, OmegaConf.structured(Unions)):
+        inner = node._get_node("scan" if node is whole else "limits")
+        inner._get_node("structure" if node is whole else "a")._set_parent(None)
+        inner._set_parent(OmegaConf.create({}, flags={"readonly": True}))
+        assert inner._get_flag("readonly")
+        with quick_copies():
+            node._re_parent()
+        assert [*parents(node, None)] == []
+        assert not inner._get_flag("readonly")
+
+
 def test_copies_are_quick_only_for_who_asks():
-    usual = DictConfig.__deepcopy__
+    usual = DictConfig.__deepcopy__, DictConfig._re_parent
     with quick_copies(), quick_copies():
-        assert DictConfig.__deepcopy__ is not usual
-    assert DictConfig.__deepcopy__ is usual
+        assert DictConfig.__deepcopy__ is not usual[0]
+        assert DictConfig._re_parent is not usual[1]
+    assert (DictConfig.__deepcopy__, DictConfig._re_parent) == usual
 
 
 def test_choices_are_known_to_defaults_that_refer_to_them(tmp_path):

@@ -58,6 +58,7 @@ def test_packages_that_are_missing_are_named_with_what_installs_them(sldvexp, mo
     )
 
 
+@pytest.mark.whole
 @pytest.mark.one_in(2)
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_console_ends_in_order(tmp_path, number):
@@ -179,7 +180,7 @@ def test_advice_tells_what_is_reached_and_where_to_stand_next(planned):
     found = console.advice(Experiment(volume=VOLUME), {"pose": None, "image/1": None})
     assert found.figure._plan is planned[1]
     assert found.told == [
-        "1 of 1 views is done: 1.",
+        "1 of 1 view is done: 1.",
         "If you stopped here: 4 of 9 nodes are seen by too few views to determine all components.",
         "Stand next at (1.00, 2.00, 3.46) m and look at (0.00, 0.00, 0.00) m. Then: the r.m.s. "
         "bound is 1 mm/s where every place is taken by itself, by the noise alone; that of a "
@@ -199,7 +200,7 @@ def test_advice_without_a_volume_or_with_too_few_views_says_so(planned, monkeypa
     assert told[-1] == "No stand can be advised: 3 are needed."
     monkeypatch.setattr(planner, "check_stands", few)
     last = console.advice(Experiment(volume=VOLUME), {"image/1": None}).told
-    assert last == ["1 of 1 views is done: 1.", console.TOO_FEW, console.NO_MORE]
+    assert last == ["1 of 1 view is done: 1.", console.TOO_FEW, console.NO_MORE]
 
 
 def test_advice_in_mid_scan_counts_the_views_that_are_done_and_to_come(planned, monkeypatch):

@@ -61,7 +61,7 @@ def stand_ins(monkeypatch):
     schema_table._class_of.cache_clear()
 
 
-@pytest.mark.one_in(4)
+@pytest.mark.one_in(20)
 @pytest.mark.parametrize("name", EXPERIMENTS)
 def test_every_experiment_is_shown_as_it_is_composed(name, stand_ins):
     expected = shown(ConfigLoaderImpl, [f"experiment={name}"])
@@ -72,6 +72,7 @@ def test_every_experiment_is_shown_as_it_is_composed(name, stand_ins):
     assert any(issubclass(kind, schema_table.StandIn) for kind in kinds)
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize(
     "settings",
     [
@@ -88,6 +89,7 @@ def test_settings_are_shown_as_they_are_composed(settings, stand_ins):
     assert len(stand_ins) == 1
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("wrong", ["seed=[1]", "pose.sead=1", "scene.pointing=no"])
 def test_what_is_wrong_is_told_of_the_classes(wrong, stand_ins):
     with pytest.raises(Exception) as expected:  # noqa: PT011
@@ -111,7 +113,8 @@ def test_a_file_of_the_user_is_read_every_time(tmp_path, stand_ins):
     assert len(stand_ins) == 2
 
 
-@pytest.mark.parametrize("content", [b"", b"not a table", None])
+@pytest.mark.one_in(3)
+@pytest.mark.parametrize("content", [b"not a table", b"", None])
 def test_a_table_that_is_spoiled_is_made_anew(cache, content):
     first = shown(ShowingLoader, [])
     [file] = cache.iterdir()
@@ -125,6 +128,7 @@ def test_a_table_that_is_spoiled_is_made_anew(cache, content):
     assert file.stat().st_mtime_ns == whole, "what is known is not written again"
 
 
+@pytest.mark.whole
 def test_a_new_choice_of_known_plugins_loads_none_of_them(tmp_path):
     def modules(*settings):
         call = [sys.executable, "-c", PROGRAM, *settings, "--cfg", "job"]

@@ -26,10 +26,10 @@ HEEDS = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
 class Served:
     """A console that serves ``experiment=bench`` of a folder of its own."""
 
-    def __init__(self, folder: Path, *settings: str) -> None:
+    def __init__(self, folder: Path, *settings: str, bench: str = BENCH) -> None:
         self.folder = folder
         (folder / "my" / "experiment").mkdir(parents=True, exist_ok=True)
-        (folder / "my" / "experiment" / "bench.yaml").write_text(BENCH)
+        (folder / "my" / "experiment" / "bench.yaml").write_text(bench)
         self.output = folder / "console.txt"
         line = [sys.executable, "-u", "-m", "sldvexp.cli.main", "console", "experiment=bench"]
         with self.output.open("w") as output:

@@ -20,6 +20,7 @@ from sldvexp.errors import UserError
 from sldvexp.lazy import xarray as xr
 from sldvexp.report import with_bound
 from sldvexp.session.session import scan_views
+from tests.console.conftest import PATIENCE
 
 
 @pytest.fixture(scope="module")
@@ -85,10 +86,10 @@ def test_pose_that_further_views_have_made_surer_says_why(scanned):
 
 def test_pose_does_not_wait_for_the_advice_after_the_view_before(scanned):
     made, groups = scanned
-    told, second = [], threading.Event()
+    told, second, in_time = [], threading.Event(), []
 
     def advise(*_):
-        assert second.wait(120)
+        in_time.append(second.wait(PATIENCE))
         return Advice([])
 
     def tell(views):
@@ -101,7 +102,31 @@ def test_pose_does_not_wait_for_the_advice_after_the_view_before(scanned):
         after.view_done(name, {f"edge/{name}": groups[f"edge/{name}"]})
     after.end()
     after.join()
-    assert second.is_set()
+    assert in_time
+    assert all(in_time)
+
+
+def test_advice_is_on_all_views_that_have_come_by_then(scanned):
+    """What comes while one is computed is advised on once."""
+    made, groups = scanned
+    advised, all_posed = [], threading.Event()
+
+    def advise(_, so_far):
+        all_posed.wait(PATIENCE)
+        advised.append(sorted(so_far))
+        return Advice([])
+
+    after = Afterwards(made, lambda views: None, advise)
+    after.view_done("1", {"edge/1": groups["edge/1"]})
+    after.view_done("2", {"edge/2": groups["edge/2"]})
+    after.view_done("1", {"image/1": xr.Dataset()})
+    after.end()
+    for thread in threading.enumerate():
+        if thread.name == "afterwards":  # which has told of all poses
+            thread.join(PATIENCE)
+    all_posed.set()
+    after.join()
+    assert advised[-1] == ["edge/1", "edge/2", "image/1", "pose"]
 
 
 def test_pose_that_cannot_be_found_is_told_and_the_next_one_is(scanned, monkeypatch):
@@ -121,17 +146,24 @@ def test_pose_that_cannot_be_found_is_told_and_the_next_one_is(scanned, monkeypa
 
 def test_fault_of_what_advises_ends_nothing(scanned):
     made, groups = scanned
-    told = []
+    told, advised, failed = [], [], threading.Event()
 
-    def broken(*_):
-        raise ZeroDivisionError
+    def broken_at_first(*_):
+        if not failed.is_set():
+            failed.set()
+            raise ZeroDivisionError
+        return Advice(["enough"])
 
-    after = Afterwards(made, lambda views: told.append(dict(views)), broken)
+    after = Afterwards(
+        made, lambda views: told.append(dict(views)), broken_at_first, advised.append
+    )
     after.view_done("1", {"edge/1": groups["edge/1"]})
+    assert failed.wait(PATIENCE)
     after.view_done("2", {"edge/2": groups["edge/2"]})
     after.end()
     after.join()
     assert "Pose: origin" in told[-1]["2"][0]
+    assert [advice.told for advice in advised] == [["enough"]]
 
 
 def test_doubt_is_told_of_its_view_alone(scanned):

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from sldvexp.config.experiment import Experiment
+from sldvexp.console import Console
 from sldvexp.console.bench import AimingBench
 from sldvexp.console.marks import FIDUCIAL, AimedMarks, wanted
 from sldvexp.console.scanning import Asked, Scanning
@@ -44,17 +45,121 @@ def test_marks_of_the_target_are_wanted_and_predicted_from_the_third_on(
     steps = true_steps(by_hand, lab)
     numbers = wanted(by_hand)[FIDUCIAL]
     assert len(numbers) == len(steps) > 4
-    wishes.put({"do": "taken"})
-    for number, place in list(zip(numbers, steps, strict=True))[:4]:
+
+    def take(number, place):
         wishes.put({"do": "move", "to": place})
         wishes.put({"do": "mark", "kind": FIDUCIAL, "number": number})
-    while not wishes.empty():
-        bench.turn()
-    marks = seen.look()["marks"]
+        while not wishes.empty():
+            bench.turn()
+        return seen.look()["marks"]
+
+    marks = None
+    wishes.put({"do": "taken"})
+    for number, place in list(zip(numbers, steps, strict=True))[:4]:
+        three, marks = marks, take(number, place)
+    several = {p["number"]: [p["dac"], *p["instead"]] for p in three["predicted"]}
+    off = np.hypot(*(np.array(several[numbers[3]]) - steps[3]).T)
+    assert len(off) > 1
+    assert off.min() < 20  # one of the poses that three marks fit is the right one
+    assert "Go there (g) again goes to where it may be instead." in three["pose"]
     predicted = {p["number"]: p["dac"] for p in marks["predicted"]}
     np.testing.assert_allclose(predicted[numbers[4]], steps[4], atol=20)
+    assert not any(p["instead"] for p in marks["predicted"])
     assert seen.topics["said"]["problem"] is False
     bench.leave()
+
+
+def test_marks_taken_where_they_were_predicted_tell_nothing(by_hand, lab, board, wishes, tmp_path):
+    """By g and m alone they would confirm any pose: told, not used, and left out by the scan."""
+    bench, seen = AimingBench(by_hand, board, wishes), Seen(board)
+    numbers = wanted(by_hand)[FIDUCIAL]
+    steps = dict(zip(numbers, true_steps(by_hand, lab), strict=True))
+
+    def do(what, number=None, **more):
+        wishes.put({"do": what, "kind": FIDUCIAL, "number": number, **more})
+        bench.turn()
+        return seen.look()["marks"]
+
+    do("taken")
+    do("view", name="a")
+    for number in numbers[:4]:
+        do("move", to=steps[number])
+        marks = do("mark", number)
+    by_four = marks["pose"]
+    for number in numbers[4:6]:
+        (place,) = [p["dac"] for p in marks["predicted"] if p["number"] == number]
+        do("go", number, to=place)
+        marks = do("mark", number)
+        assert f"Mark {number}: taken where it was predicted" in seen.topics["said"]["text"]
+    left_out = " Left out: marks 5 and 6, taken where the program alone had put the beam."
+    assert marks["pose"] == by_four + left_out  # it stands no surer
+    assert [m["number"] for m in marks["marks"] if m.get("unmoved")] == numbers[4:6]
+
+    made = experiment([*HAND, f"scan.views={{a: {{hidden: {numbers[6:]}}}}}"])
+
+    def scanned():
+        watcher = Scanning(made, board, wishes)
+        found = scan_views(made, tmp_path, Asked(watcher, bench.marks), watcher=watcher)
+        watcher.end()
+        return found["registration"]["point"].values.tolist(), take_findings(found)
+
+    points, (finding,) = scanned()
+    assert points == numbers[:4]
+    assert finding.kind == "unmoved_marks"
+    do("undo")
+    for by in ([1, 0], [-1, 0]):  # off and back
+        do("nudge", by=by)
+    marks = do("mark", number)
+    assert bench.marks.of("a")[FIDUCIAL, number] == tuple(place)
+    assert [m["number"] for m in marks["marks"] if m.get("unmoved")] == numbers[4:5]
+    points, (finding,) = scanned()  # in the same folder, which has kept what was taken before
+    assert points == [*numbers[:4], number]
+    bench.leave()
+
+
+def test_marks_tell_that_a_hand_has_taken_before_or_that_are_taken_at_another_ones_place(
+    by_hand, board, wishes
+):
+    bench = AimingBench(by_hand, board, wishes)
+
+    def do(what, number=None, to=None):
+        wishes.put({"do": what, "name": "a", "kind": FIDUCIAL, "number": number, "to": to})
+        bench.turn()
+        return [number for _, number in bench.marks.of("a").keys() - bench.marks.telling("a")]
+
+    for what, number, to, unmoved in (
+        ("taken", None, None, []),
+        ("view", None, None, []),
+        ("go", 1, [5, 6], []),
+        ("mark", 2, None, []),  # at what was predicted of mark 1
+        ("mark", 1, None, [1]),
+        ("undo", None, None, []),
+        ("redo", None, None, [1]),
+        ("go", 1, [5, 6], [1]),
+        ("mark", 1, None, [1]),
+        ("move", None, [7, 8], [1]),
+        ("mark", 1, None, []),
+        ("go", 1, [7, 8], []),
+        ("mark", 1, None, []),
+        ("undo", None, None, []),
+        ("undo", None, None, [1]),
+        ("go", 3, [0, 0], [1]),
+        ("view", None, None, [1]),  # which sends the beam home
+        ("mark", 3, None, [1]),
+    ):
+        assert do(what, number, to) == unmoved
+    bench.leave()
+
+
+def test_no_scan_begins_of_a_view_of_which_the_program_alone_has_taken_all(by_hand, tmp_path):
+    one = Console(by_hand, HAND, tmp_path, None, None)
+    for number in (1, 2):
+        one.bench.marks.put("a", (FIDUCIAL, number), (number, 3), unmoved=True)
+    one.bench._safely(lambda: one.bench.further["scan"]({"do": "scan", "name": "aimed"}))
+    told = Seen(one.board).look()["said"]
+    assert told["problem"]
+    assert told["text"].startswith("every mark of view a was taken where it was predicted")
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.whole

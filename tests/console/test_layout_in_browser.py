@@ -7,21 +7,24 @@ import os
 
 import pytest
 
-import tests.console.served
 from tests.console.served import Page, Served
 from tests.console.two_faces import FILES, write_files
 from tests.report import devtools
 from tests.report.opened import PHONE
 
-pytestmark = pytest.mark.skipif(not devtools.PATH, reason="needs chromium")
+#: What the page does is tried by its own tests; these take a console and pages of their own.
+pytestmark = [
+    pytest.mark.whole,
+    pytest.mark.skipif(not devtools.PATH, reason="needs chromium"),
+]
 LAPTOP, SMALL = (1440, 900), (1280, 720)
 #: All that is used to aim.
 USED = ("field", "look", "nearer", "whole", "shown", "marks-box", "mark", "go", "undo", "redo")
-USED += ("pose", "name", "write", "start", "slide-up", "flags", "layout-box")
+USED += ("pose", "name", "write", "start", "written", "slide-up", "flags", "layout-box")
 BOXES = """
 return Object.fromEntries(arguments[0].map((id) => {
   const b = document.getElementById(id).getBoundingClientRect();
-  return [id, [b.left, b.top, b.right, b.bottom].map((v) => Math.round(v + 0))];
+  return [id, [b.left, b.top, b.right, b.bottom].map((v) => Math.round(v))];
 }));
 """
 VIEWS = """
@@ -34,9 +37,7 @@ return [...document.querySelectorAll('#view li')].map((li) => {
 def served(tmp_path_factory):
     folder = tmp_path_factory.mktemp("two_faces")
     write_files(folder / "my")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(tests.console.served, "BENCH", FILES["experiment/bench.yaml"])
-        made = Served(folder)
+    made = Served(folder, bench=FILES["experiment/bench.yaml"])
     yield made
     made.end()
 
@@ -126,6 +127,26 @@ def test_drawing_shows_all_faces_with_numbers_that_cover_nothing(served):
             for one, other in itertools.combinations([*shapes, *numbers], 2):
                 assert not overlap(one, other)
             pictured(page, f"drawn-{known}")
+    finally:
+        page.close()
+
+
+#: Boxes of the names on the field of view.
+NAMES = "return document.getElementById('map').aim.names.map(({box}) => box)"
+CHOOSE = "document.getElementById('map').aim.page.wish('view', {name: arguments[0]})"
+
+
+def test_names_of_twelve_marks_can_be_read_on_a_phone(served):
+    """Where many stand close together they cover marks and outlines rather than one another."""
+    page = opened(served, PHONE)
+    try:
+        for view in ("1", "3"):
+            page.js(CHOOSE, view)
+            page.until(lambda view=view: page.view == view and len(page.js(NAMES)) == 12)
+            for one, other in itertools.combinations(page.js(NAMES), 2):
+                wide, tall = (min(one[k + 2], other[k + 2]) - max(one[k], other[k]) for k in (0, 1))
+                assert min(wide, tall) < 1, view
+            pictured(page, f"named-{view}")
     finally:
         page.close()
 

@@ -12,7 +12,7 @@ from sldvexp.laser import TwoMirror, project
 from sldvexp.pose import Aiming, AimingPlace
 from sldvexp.virtual_lab.console import experiment
 from sldvexp.virtual_lab.lab import VirtualLab
-from tests.console.two_faces import made
+from tests.console.two_faces import box_experiment
 
 SEEDS = 16
 
@@ -82,7 +82,7 @@ def misfits(outlook, marks):
     return aiming, misfits_of(aiming, aiming.taken, outlook._aiming)
 
 
-@pytest.mark.parametrize("count", [4, 6])
+@pytest.mark.parametrize("count", [pytest.param(4, marks=pytest.mark.whole), 6])
 def test_bound_of_marks_that_meet_exactly_is_where_they_would_be_called_off(count):
     """Marks that are taken at their predictions leave nothing by which to scale it."""
     outlook, true = fine()
@@ -96,11 +96,38 @@ def test_bound_of_marks_that_meet_exactly_is_where_they_would_be_called_off(coun
             assert misfits(outlook, {**marks, name: moved})[1][name].beside == beside
 
 
+@pytest.mark.parametrize("way", [(1.0, 0.0), (0.0, 1.0), (0.6, -0.8)])
+def test_bound_is_that_of_the_way_in_which_a_mark_lies_off(way):
+    """Before it adds a cost of its own it is told by the pose of the others: up to 7 % beside."""
+    outlook, true = fine()
+    marks = dict(list(true.items())[:4])
+
+    def at(off):
+        moved = np.rint(marks["circle 3"] + off * np.array(way))
+        return misfits(outlook, {**marks, "circle 3": moved})[1]["circle 3"]
+
+    usual = at(250.0).usual
+    assert at(0.25 * usual).usual == pytest.approx(at(0.4 * usual).usual, rel=0.1)
+    for times in (1.0, 1.05):  # the mark's own cost calls it off, and tells the bound
+        found = at(times * usual)
+        assert found.beside == (found.off > found.usual)
+
+
+def test_bound_of_a_mark_within_the_error_of_pointing_is_the_same_whichever_way_it_lies():
+    outlook, true = fine()
+    marks = dict(list(true.items())[:4])
+    usual = [
+        misfits(outlook, {**marks, "circle 1": marks["circle 1"] + way})[1]["circle 1"].usual
+        for way in ([3, 0], [0, 3], [2, -2], [-2, -2])
+    ]
+    assert usual == pytest.approx(4 * usual[:1], rel=0.01)
+
+
 def test_mark_is_compared_with_the_pose_of_all_marks_and_not_with_the_likeliest_of_the_rest(
     tmp_path,
 ):
     """Of three marks that allow several poses the likeliest may be a wrong one."""
-    box = made(tmp_path)
+    box = box_experiment(tmp_path)
     outlook, lab = Outlook(box, wanted(box)), VirtualLab(box.scene, box.laser, box.target, 0)
     lab.use_view("4")
     places = list(outlook.places.values())[:4]

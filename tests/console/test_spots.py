@@ -12,15 +12,15 @@ from sldvexp.console.bench import AimingBench
 from sldvexp.console.board import NoticeBoard
 from sldvexp.console.marks import wanted
 from sldvexp.console.outlook import Outlook
-from sldvexp.console.spots import LookedAt, LookSpot, SpotsSeen
+from sldvexp.console.spots import LookedAt, LookSpot, SpotsSeen, spots_of
 from sldvexp.geometry import KnownPose, euler_from_rotation, rotation_from_vector
 from sldvexp.virtual_lab.lab import VirtualLab
-from tests.console.two_faces import made
+from tests.console.two_faces import area_of, box_experiment
 
 
 @pytest.fixture(scope="module")
 def box(tmp_path_factory):
-    return made(tmp_path_factory.mktemp("box"))
+    return box_experiment(tmp_path_factory.mktemp("box"))
 
 
 @pytest.fixture(scope="module")
@@ -58,7 +58,9 @@ def looking(box):
 
 
 @pytest.mark.parametrize("view", ["3", pytest.param("4", marks=pytest.mark.whole)])
-def test_a_look_at_all_says_which_spot_is_which_circle(looking, lab, view):
+def test_a_look_at_all_says_which_spot_is_which_circle_and_marks_go_before_spots(
+    looking, lab, view
+):
     """The prediction of circle 1 lies midway between two spots, of which one is circle 4."""
     lab.use_view(view)
     true = lab.true_dac(lab.calibration_object.center)
@@ -68,34 +70,54 @@ def test_a_look_at_all_says_which_spot_is_which_circle(looking, lab, view):
     assert max(looking.off(true)) < 150
     told = looking.bench.foresight(view).told
     assert told.startswith("By the scan's rough pose, corrected by 8 spots of the look, ")
-
-
-def test_a_near_look_takes_the_right_spot_or_asks_which(looking, lab):
-    for view, asks in (("3", False), ("4", True)):
-        lab.use_view(view)
-        true = lab.true_dac(lab.calibration_object.center)
-        looking.do("view", name=view)
-        at = np.array(looking.bench.foresight(view).predicted["circle", 1])
-        looking.look(at - 4096, at + 4096)  # as Go there shows it
-        found = looking.bench.foresight(view)
-        if asks:
-            assert "A spot of the look may be circle 1 or " in found.told
-            assert "which? Look at a wider part" in found.told
-            looking.look(at - 8192, at + 8192)
-        assert looking.off(true)[0] < 100
-        assert "which?" not in looking.bench.foresight(view).told
-
-
-def test_marks_that_are_taken_go_before_spots(looking, lab):
-    lab.use_view("3")
-    true = lab.true_dac(lab.calibration_object.center)
-    looking.do("view", name="3")
-    looking.look((-32768, -32768), (32767, 32767))
     looking.do("move", to=np.rint(true[0]).astype(int).tolist())
     looking.do("mark", kind="circle", number=1)
-    told = looking.bench.foresight("3").told
+    told = looking.bench.foresight(view).told
     assert "corrected by 1 mark and 7 spots of the look" in told
     assert max(looking.off(true)[1:]) < 150
+
+
+@pytest.mark.parametrize(
+    ("view", "asks"), [("3", False), pytest.param("4", True, marks=pytest.mark.whole)]
+)
+def test_a_near_look_takes_the_right_spot_or_asks_which(looking, lab, view, asks):
+    lab.use_view(view)
+    true = lab.true_dac(lab.calibration_object.center)
+    looking.do("view", name=view)
+    at = np.array(looking.bench.foresight(view).predicted["circle", 1])
+    looking.look(at - 4096, at + 4096)  # as Go there shows it
+    found = looking.bench.foresight(view)
+    if asks:
+        assert "A spot of the look may be circle 1 or " in found.told
+        assert "which? Look at a wider part" in found.told
+        ways = np.array(found.instead["circle", 1])
+        assert np.hypot(*(ways - true[0]).T).min() < 100  # one of them is it
+        looking.look(at - 8192, at + 8192)
+    assert looking.off(true)[0] < 100
+    assert "which?" not in looking.bench.foresight(view).told
+
+
+def test_a_mark_tells_which_circle_a_near_look_shows(looking, lab):
+    """Without it this look asks; all predictions are known better, and not only moved."""
+    lab.use_view("4")
+    true = lab.true_dac(lab.calibration_object.center)
+    looking.do("view", name="4")
+    looking.do("move", to=np.rint(true[1]).astype(int).tolist())
+    looking.do("mark", kind="circle", number=2)
+    at = np.array(looking.bench.foresight("4").predicted["circle", 1])
+    looking.look(at - 4096, at + 4096)
+    assert "by 1 mark and 1 spot of the look" in looking.bench.foresight("4").told
+    assert looking.off(true)[0] < 20
+
+
+@pytest.mark.parametrize("edge", [(0, 40), (80, 40), (40, 0), (40, 80)])
+def test_what_reaches_an_edge_of_a_look_is_no_spot(edge):
+    """Its middle is not known."""
+    dac = np.stack(np.meshgrid(range(0, 90, 10), range(0, 90, 10)), axis=-1).reshape(-1, 2)
+    value = np.exp(-((dac - edge) ** 2).sum(axis=1) / 100)
+    inside = np.exp(-((dac - [40, 40]) ** 2).sum(axis=1) / 100)
+    assert len(list(spots_of(dac, inside, inside < 0, 10))) == 1
+    assert list(spots_of(dac, value, value < 0, 10)) == []
 
 
 def beside(pose, rng):
@@ -161,8 +183,3 @@ def taken_for_another(found, seen, true):
         if off.min() < 200 and circle != k:
             return True
     return False
-
-
-def area_of(outline):
-    x, y = outline.T
-    return abs(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1))) / 2

@@ -7,6 +7,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
+
+from sldvexp.config.experiment import Experiment
+from sldvexp.typing import Array
 from sldvexp.virtual_lab.console import experiment
 
 FILES = {
@@ -92,6 +96,12 @@ def write_files(folder: Path) -> Path:
     return folder
 
 
-def made(folder: Path):
+def area_of(outline: Array) -> float:
+    """Compute the area within an outline, squared."""
+    x, y = outline.T
+    return float(abs(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1))) / 2)
+
+
+def box_experiment(folder: Path) -> Experiment:
     """Make the experiment of such a folder."""
     return experiment(["experiment=bench"], str(write_files(folder)))

@@ -13,6 +13,9 @@ from xarray.backends.netCDF4_ import BaseNetCDF4Array, NetCDF4DataStore
 from sldvexp import dataset
 from sldvexp.dataset import store
 
+#: Names of what declares a variable and of what writes its values.
+DECLARE, WRITE = "prepare_variable", "__setitem__"
+
 
 def as_xarray_writes(
     tree: dict[str, xr.Dataset], attributes: dict[str, object], path: Path
@@ -65,26 +68,39 @@ def test_a_file_is_what_xarray_writes(
                 assert of_both[0] == of_both[1]
 
 
-def test_all_is_declared_before_the_first_value(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    done: list[str] = []
+@pytest.fixture
+def done(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Give what is done to a file, one after the other."""
+    order: list[str] = []
 
     def noted(kind: type, name: str) -> None:
         usual = getattr(kind, name)
 
         def note(self: Any, *given: Any, **named: Any) -> Any:
-            done.append(name)
+            order.append(name)
             return usual(self, *given, **named)
 
         monkeypatch.setattr(kind, name, note)
 
-    noted(NetCDF4DataStore, "prepare_variable")
-    noted(BaseNetCDF4Array, "__setitem__")
+    noted(NetCDF4DataStore, DECLARE)
+    noted(BaseNetCDF4Array, WRITE)
+    return order
+
+
+def test_all_is_declared_before_the_first_value(tmp_path: Path, done: list[str]) -> None:
     dataset.save(tree_of_all_kinds(), {}, tmp_path / "run.nc")
-    declared = done.count("prepare_variable")
+    declared = done.count(DECLARE)
     assert declared > 10
-    assert done == ["prepare_variable"] * declared + ["__setitem__"] * declared
+    assert done == [DECLARE] * declared + [WRITE] * declared
+
+
+def test_of_much_each_value_is_written_once_and_does_not_wait(
+    tmp_path: Path, done: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(store, "WAITING_BYTES", 100)
+    dataset.save(tree_of_all_kinds(), {}, tmp_path / "run.nc")
+    assert done.count(WRITE) == done.count(DECLARE)
+    assert done.index(WRITE) < 5
 
 
 def test_arrays_of_dask_are_written_too(tmp_path: Path) -> None:

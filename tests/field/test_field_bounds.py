@@ -16,7 +16,7 @@ from sldvexp.field import FieldResult, View, VolumeVisibility
 from sldvexp.field.estimate import solve_field
 from sldvexp.geometry import rotation_from_vector
 from sldvexp.laser import TwoMirror
-from sldvexp.reconstruction import Model, Reconstruction, Weights
+from sldvexp.reconstruction import Contravariant, Model, Reconstruction, Weights
 from sldvexp.volume import SampleRule
 
 Make = Callable[..., Any]
@@ -176,6 +176,34 @@ def test_large_fields(
     np.testing.assert_allclose(near.efficiency[known], exact.efficiency[known], rtol=0.1)
     np.testing.assert_allclose(
         np.median(near.efficiency[known]), np.median(exact.efficiency[known]), rtol=0.01
+    )
+
+
+def test_samples_of_a_large_field_are_looked_at_twice(
+    make_plate: Make, make_views: Make, six_points: SampleRule, laser: TwoMirror,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    """For the equations, with those of the interpolation's errors, and for the bounds."""
+    views = smooth(make_views(5, pixels=12, covariance=1e-6 * np.eye(6)))
+    looks = VolumeVisibility(views, laser, make_plate((7, 6), 3), six_points)
+    at_once, ways = estimate(looks, Contravariant()), []
+    for way in ("disjoint", "overlapping"):
+        go = getattr(field_parts.RegionIterator, way)
+
+        def gone(*args: Any, way: str = way, go: Any = go, **kwargs: Any) -> Any:
+            ways.append(way)
+            return go(*args, **kwargs)
+
+        monkeypatch.setattr(field_parts.RegionIterator, way, gone)
+    monkeypatch.setattr(field_system, "SMALL", 0)
+    monkeypatch.setattr(field_parts, "SAMPLES_IN_ALL", 0)
+    monkeypatch.setattr(field_parts, "SAMPLES_AT_ONCE", 300)
+    in_parts = estimate(looks, Contravariant())
+    assert ways == ["disjoint", "overlapping"]
+    largest = np.abs(at_once.interpolation_error).max()
+    assert largest > 0
+    np.testing.assert_allclose(
+        in_parts.interpolation_error, at_once.interpolation_error, rtol=0, atol=1e-10 * largest
     )
 
 

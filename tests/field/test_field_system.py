@@ -36,6 +36,33 @@ def assembled(prisms: Prisms, rule: SampleRule, information: np.ndarray) -> Norm
     return assembly.system(np.ones((prisms.layers, prisms.surface_nodes), bool))
 
 
+@pytest.mark.parametrize("block", [1, 3])
+def test_a_large_one_keeps_what_is_needed(
+    make_plate: Make, six_points: SampleRule, monkeypatch: pytest.MonkeyPatch, block: int
+) -> None:
+    """One gap where all are alike, and the mean of sums where the nearest product is enough."""
+    prisms, rng = make_plate((4, 3), 4), np.random.default_rng(4)
+    alike = np.eye(block) * np.ones((prisms.gaps * len(prisms.triangles) * 6, 1, 1))
+    root = rng.normal(size=alike.shape)
+    ranked = np.ones((prisms.layers, prisms.surface_nodes), bool)
+    for information in (alike, root @ np.swapaxes(root, 1, 2)):
+        whole = assembled(prisms, six_points, information)
+        assert whole.exact == (whole.pairs.strides[0] == 0) == (information is alike)
+        dense = by_definition(prisms, six_points, information)
+        np.testing.assert_allclose(whole.matrix().toarray(), dense, atol=1e-12)
+        monkeypatch.setattr(field_system, "SMALL", 0)
+        every = Patch.over(prisms, six_points, np.arange(len(prisms.triangles)))
+        means = Assembly(Graph.from_prisms(prisms), six_points, 4, block, whole=False)
+        means.add(every, information)
+        near = means.system(ranked)
+        monkeypatch.undo()
+        assert near.pairs.size == whole.surface_blocks.size
+        np.testing.assert_allclose(near.surface_blocks, whole.surface_blocks, rtol=1e-12)
+        np.testing.assert_allclose(near.lumped, whole.lumped, rtol=1e-12)
+        held = means.system(ranked & (np.arange(4)[:, None] > 0)).surface_blocks
+        assert np.abs(held - whole.surface_blocks).max() > 0
+
+
 def by_definition(prisms: Prisms, rule: SampleRule, information: np.ndarray) -> np.ndarray:
     """``sum_s B_s^T B_s (x) N_s``."""
     basis = shape_matrix(prisms, rule).toarray()

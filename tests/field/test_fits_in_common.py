@@ -31,18 +31,21 @@ VOLUME = Grid(size=[0.3, 0.3], shape=[4, 4], layers=3, thickness=0.02)
 
 
 @pytest.fixture
-def look(make_views: Callable[..., list[View]], laser: TwoMirror) -> Callable[[], VolumeVisibility]:
+def look(
+    make_views: Callable[..., list[View]], laser: TwoMirror
+) -> Callable[..., VolumeVisibility]:
     rng = np.random.default_rng(5)
     views = [
         replace(v, velocity=rng.normal(size=(*v.velocity.shape, 2)) @ [1e-3, 1e-3j])
         for v in make_views(5, pixels=14, covariance=1e-8 * np.eye(6))
     ]
-    return lambda: VolumeVisibility.from_volume(views, laser, VOLUME)
+    return lambda volume=VOLUME: VolumeVisibility.from_volume(views, laser, volume)
 
 
 def assert_same_bits(found: FieldResult, alone: FieldResult) -> None:
     for f in fields(found):
         a, b = getattr(found, f.name), getattr(alone, f.name)
+        assert type(a) is type(b), f.name
         if f.name == "variance":
             assert a.keys() == b.keys()
             for source in a:
@@ -53,6 +56,7 @@ def assert_same_bits(found: FieldResult, alone: FieldResult) -> None:
     assert repr(found.intercept_test) == repr(alone.intercept_test)
 
 
+@pytest.mark.whole
 def test_every_method_and_solver_is_what_it_is_alone(look: Callable[[], VolumeVisibility]) -> None:
     """To the last bit, in whatever order they come."""
     together = look()
@@ -62,6 +66,18 @@ def test_every_method_and_solver_is_what_it_is_alone(look: Callable[[], VolumeVi
         for method, own in zip(METHODS, alone, strict=True):
             for solver, result in zip(SOLVERS[solvers], own[solvers], strict=True):
                 assert_same_bits(solve_field(together, method, solver), result)
+
+
+@pytest.mark.parametrize("other", [{"bounds": False}, {"local": True}], ids=str)
+def test_a_fit_takes_nothing_of_one_without_bounds_or_in_other_coordinates(
+    look: Callable[..., VolumeVisibility], other: dict[str, bool]
+) -> None:
+    curved = replace(VOLUME, radius=0.5)
+    together = look(curved)
+    together.common = {}
+    solve_field(together, Contravariant(), Direct(), **other)
+    alone = solve_field(look(curved), Contravariant(), Direct())
+    assert_same_bits(solve_field(together, Contravariant(), Direct()), alone)
 
 
 def test_variances_are_computed_once_for_all_solvers(

@@ -52,6 +52,7 @@ def test_vectors_of_few_parameters(
     (beside,) = influences_by_layers(patch, [rng.normal(size=(weights.shape[0], 3))], weights)
     one = ViewInfluence(beside)
     vectors = rng.normal(size=(4, len(one.apart.indptr) - 1, 3)) * np.eye(3)[[0, 2, 2, 1]][:, None]
+    vectors[1, :-2] = 0  # all but the last two nodes of the last layer
     flat = vectors.reshape(4, -1)
     expected = one.apart.toarray().T @ flat.T
     np.testing.assert_allclose(one.transposed_times(flat), expected, atol=1e-12)

@@ -105,7 +105,7 @@ def test_origin_of_the_coordinates_does_not_matter() -> None:
         assert near[:2] + points[0] == pytest.approx(far[:2], abs=1e-8)
 
 
-@pytest.mark.one_in(2)
+@pytest.mark.whole
 @pytest.mark.parametrize("shape", SHAPES)
 def test_likelihood_reaches_the_cramer_rao_bound(shape: str) -> None:
     found, ellipse = trials(shape, "likelihood"), SHAPES[shape]

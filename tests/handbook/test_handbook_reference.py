@@ -39,6 +39,7 @@ def test_every_public_function_is_in_the_page_of_functions():
     assert "\n> " not in page  # nothing that Markdown would take for a quotation
 
 
+@pytest.mark.whole
 def test_every_public_function_is_told_of_also_without_the_extras():
     extras = (
         "cholespy cv2 dask distributed meshio numba skfem sdypy starlette uvicorn websockets "

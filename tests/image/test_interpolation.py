@@ -351,6 +351,18 @@ def test_blocks_are_the_whole(monkeypatch: pytest.MonkeyPatch) -> None:
     np.testing.assert_array_equal(parts.outside, whole.outside)
 
 
+@methods
+def test_slopes_stay_when_weights_are_sorted(method: Interpolation) -> None:
+    """Products with a matrix may put its weights into another order, in place."""
+    image, x = rounded(21), places(100, 700.0)
+    interpolator = method.prepare(image)
+    weights, values = interpolator.at(x), np.random.default_rng(7).normal(size=(len(image.dac), 2))
+    at = weights.located
+    slopes = interpolator.slopes(at, x[at.place], values)
+    weights.value.sort_indices()
+    np.testing.assert_array_equal(interpolator.slopes(at, x[at.place], values), slopes)
+
+
 @pytest.mark.parametrize("kind", ["even", "scattered"])
 @methods
 def test_no_places(kind: str, method: Interpolation) -> None:
@@ -438,7 +450,7 @@ class Fixed(Image):
 def test_the_choice_and_its_error_are_told_by_the_same_predictions(monkeypatch):
     """Of an image that cannot change pixels are predicted once by each interpolation."""
     changing = waving(even(21))
-    known = (getattr(changing, f.name) for f in fields(changing))
+    known = [getattr(changing, f.name) for f in fields(changing)]
     image, asked = Fixed(*known), []
 
     def counted(*what):
@@ -451,6 +463,11 @@ def test_the_choice_and_its_error_are_told_by_the_same_predictions(monkeypatch):
     expected = Interpolation.auto.mean_error(changing)
     assert all((found != expected).nnz == 0 for found in again)
     assert len(asked) == 5
+    # Those of a large image would take half as much memory as all else of it.
+    monkeypatch.setattr(ways, "CACHE_BYTES", 0)
+    large = Fixed(*known)
+    assert (Interpolation.auto.mean_error(large) != expected).nnz == 0
+    assert len(asked) == 8
 
 
 def test_auto_of_too_few_pixels_is_linear() -> None:

@@ -149,9 +149,13 @@ def test_the_command_serves_the_lab_of_its_configuration(served, lab, line, same
     assert process.stderr.read() == ""
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_lab_that_is_ended_says_so(served, number):
-    process, resource = served()
+    assert_ends_with_a_word(*served(), number)
+
+
+def assert_ends_with_a_word(process, resource, number):
     process.send_signal(number)
     assert process.wait(LONGEST) == 0
     assert process.stdout.read().splitlines()[-1] == f"the virtual lab at {resource} has ended"
@@ -205,8 +209,8 @@ def own_folder(tmp_path):
     return tmp_path / "lab"
 
 
-def test_the_command_serves_what_a_folder_of_ones_own_has(served, own_folder):
-    _, resource = served("--config-dir", str(own_folder), "experiment=mine", "scene.noise=0")
+def test_the_command_serves_what_a_folder_of_ones_own_has_and_says_when_it_ends(served, own_folder):
+    process, resource = served("--config-dir", str(own_folder), "experiment=mine", "scene.noise=0")
     made = console.experiment(["experiment=mine"], str(own_folder))
     assert list(made.scene.views) == ["front"]
     lab = VirtualLab(made.scene, made.laser, made.target, made.seed)
@@ -221,6 +225,7 @@ def test_the_command_serves_what_a_folder_of_ones_own_has(served, own_folder):
     seen = np.ptp(samples.counts[:, 0].astype(float), axis=1)
     assert seen[0] > 20 * seen[2]
     assert seen[1] > 20 * seen[2]
+    assert_ends_with_a_word(process, resource, signal.SIGTERM)
 
 
 @pytest.mark.parametrize(

@@ -7,17 +7,20 @@ import random
 import numpy as np
 import pytest
 
+from sldvexp.errors import UserError
 from sldvexp.io import read_table, tables
 
 ODD = (
     "", "-", "+", "nan", "inf", "1e5", "-1.5E-3", ".5", "5.", "-.5", "+3", "--1", "1-", "1.2.3",
     "abc", "-0", "0x1", "1_0", "00012.5", ".", "0.1234567890123456789", "9007199254740993",
+    "Infinity", "-iNF", "1e999", "***", "NULL", "True", "FALSE", "1e", "1d5", "1" * 5000,
+    "0." + 400 * "0" + "1", "4.9e-324", "2.2250738585072011e-308", "+nan", "<NA>", "1f", "\x7f",
 )  # fmt: skip
 
 
 def one_by_one(cell):
     try:
-        return np.nan if "_" in cell else float(cell)
+        return np.nan if "_" in cell or "infinity" in cell.lower() else float(cell)
     except ValueError:
         return np.nan
 
@@ -42,14 +45,28 @@ def test_cells_and_numbers_are_those_of_the_text(tmp_path, rows):
         column = [row[k] for row in cells]
         assert table.column(name) == column
         expected = np.array([one_by_one(cell) for cell in column])
-        found = table.floats(name)
+        found = table.floats([name])[:, 0]
         np.testing.assert_array_equal(found, expected)
         np.testing.assert_array_equal(np.signbit(found), np.signbit(expected))
 
 
-def test_places_of_a_long_text_are_wide_numbers(monkeypatch):
-    """A text of more than two gigabytes has places that 32 bits do not hold."""
-    monkeypatch.setattr(tables, "LARGEST_SMALL", 4)
-    _, _, rows = tables._even_rows("a,b\n1,2\n3,4\n", ",")
-    assert rows.ends.dtype == np.int64
-    np.testing.assert_array_equal(rows.floats(1), [2.0, 4.0])
+@pytest.mark.parametrize("others", [["-0.1", "1e-7"], ["", "1"], []])
+@pytest.mark.parametrize("cell", ODD)
+def test_an_odd_cell_is_the_same_whatever_else_its_column_has(tmp_path, cell, others):
+    path, cells = tmp_path / "rows.csv", [cell, *others, cell]
+    path.write_text("a,b\n" + "".join(f"1,{own}\n" for own in cells))
+    table = read_table(path)
+    assert isinstance(table.rows, tables.EvenRows)
+    found, expected = table.floats(["b", "a"]), np.array([one_by_one(own) for own in cells])
+    np.testing.assert_array_equal(found, np.stack([expected, np.ones(len(cells))], axis=1))
+    np.testing.assert_array_equal(np.signbit(found[:, 0]), np.signbit(expected))
+
+
+@pytest.mark.parametrize(
+    "text", ["a\n1\n2\t3\n", "a,b\n1\n2,3,4\n", "a,b\n1,2\n3\n", "a,b\n1,2,3\n"]
+)
+def test_rows_of_other_lengths_are_not_read_at_once(tmp_path, text):
+    path = tmp_path / "rows.csv"
+    path.write_text(text)
+    with pytest.raises(UserError, match="values under"):
+        read_table(path).floats(["a"])

@@ -240,10 +240,10 @@ def test_statements_that_contradict_what_is_known_are_named_by_the_setting() -> 
 
 @pytest.mark.parametrize("piece", ["a/", "rms-", "1e", "(", "[", "\\", "peak to ", "=:", "m/s "])
 def test_work_on_a_line_is_bounded(piece: str) -> None:
-    start = time.perf_counter()
+    start = time.process_time()
     for length in (40, 130, 400, 1_000_000):
         statement_in((piece * length)[:length])
-    assert time.perf_counter() - start < 1.0
+    assert time.process_time() - start < 1.0
 
 
 def test_zero_bytes_of_a_damaged_line_state_nothing() -> None:

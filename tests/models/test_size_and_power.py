@@ -76,6 +76,7 @@ def few(plate):
     return Measured(plate, views=3, shape=(11, 13))
 
 
+@pytest.mark.whole
 def test_few_right_models_are_accepted_and_thicker_ones_rejected_by_frequency():
     measured, known = few(true_plate()), tolerances({"E": 70e9, "rho": 2700.0})
     one = source(parameters=known)

@@ -44,7 +44,7 @@ def check_bounds(poles, scales, seen, pixels):
     assert abs(seen.mean() - expected) < 3.3 / np.sqrt(len(seen) * pixels * 5)
 
 
-@pytest.mark.one_in(2)
+@pytest.mark.whole
 @pytest.mark.parametrize("noise", [0.02, 0.5])
 def test_bounds_hold_in_some_sessions(noise):
     check_bounds(*errors(range(5), noise, 150), 150)

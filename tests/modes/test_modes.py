@@ -84,7 +84,7 @@ def test_flagged_pixels_have_no_say_and_get_what_their_lines_give():
     assert np.isfinite(whole["velocity"].values[9]).all()
 
 
-@pytest.mark.one_in(2)
+@pytest.mark.whole
 @pytest.mark.parametrize("noise", [0.005, 0.5])
 def test_none_is_missed_and_none_is_false_in_noise(noise):
     for seed in range(2):

@@ -33,6 +33,7 @@ def together(first, second, **settings):
     return modes.estimate_modes({"view0": first}, method, {"2+Z": {"view0": second}})
 
 
+@pytest.mark.whole
 def test_two_modes_of_one_pole_are_two_with_two_references_and_one_with_one():
     (first, second), shape = two_references(0, SQUARE[1:], PART[:, 1:])
     assert identified(first).modes.sizes["mode"] == identified(second).modes.sizes["mode"] == 3

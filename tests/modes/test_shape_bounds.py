@@ -75,7 +75,11 @@ def check_coverage(seeds, pixels):
 
 
 @pytest.mark.parametrize(
-    ("seeds", "pixels"), [(8, 100), pytest.param(60, 400, marks=pytest.mark.long)]
+    ("seeds", "pixels"),
+    [
+        pytest.param(8, 100, marks=pytest.mark.whole),
+        pytest.param(60, 400, marks=pytest.mark.long),
+    ],
 )
 def test_intervals_of_shapes_hold_the_error_that_all_pixels_share(seeds, pixels):
     whole, narrow = check_coverage(range(seeds), pixels)

@@ -84,7 +84,9 @@ def hit(seed, pixels=40, records=8):
     return response_to_dataset(found, np.zeros((pixels, 2), int), np.zeros((pixels, 2))), shape
 
 
-@pytest.mark.parametrize("seeds", [2, pytest.param(20, marks=pytest.mark.long)])
+@pytest.mark.parametrize(
+    "seeds", [pytest.param(2, marks=pytest.mark.whole), pytest.param(20, marks=pytest.mark.long)]
+)
 def test_bounds_hold_noise_that_a_window_makes_neighbouring_lines_share(seeds):
     """As if lines were independent, errors would be two to three times their bounds."""
     errors, spread = [], []

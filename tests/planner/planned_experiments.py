@@ -2,5 +2,20 @@
 
 from __future__ import annotations
 
+from functools import cache
+
+from sldvexp import planner
+from sldvexp.planner import StandPlan
+from tests.composing import experiment
+
 #: A field so coarse that its bounds take a moment.
 SMALL = ("volume.shape=[9,7]", "volume.layers=3", "plan.candidates=300")
+
+#: Something that stands in the way of stands.
+PILLAR = "plan.room.forbidden={pillar: {low: [0.9,-1,0.8], high: [1.2,2,1.1]}}"
+
+
+@cache
+def plan_of(*settings: str) -> StandPlan:
+    """Plan once for all tests of a process; nobody changes the plan."""
+    return planner.plan(experiment("experiment=plate", *settings))

@@ -7,6 +7,8 @@ from pathlib import Path
 import pytest
 import yaml
 
+from sldvexp.pose.bitangent import Bitangent
+from sldvexp.pose.edge import Edge
 from sldvexp.virtual_lab.console import experiment
 from tests.console.two_faces import FILES
 
@@ -33,7 +35,10 @@ volume: {center: [0.12, 0.40, 0], size: [0.56, 0.36], shape: [7, 5], layers: 3, 
 """
 POSES = "  poses:\n    front: {origin: [0.1, 1.0, 1.2], look_at: [0.1, 0.3, 0]}\n"
 pytestmark = pytest.mark.whole
-PLAN = ("plan", "--config-dir", "lab", "experiment=mine", "plan.stands=3", "--to", "lab")
+PLAN = (
+    *("plan", "--config-dir", "lab", "--to", "lab", "experiment=mine"),
+    *("plan.stands=3", "plan.candidates=300"),
+)
 
 
 @pytest.fixture
@@ -75,3 +80,19 @@ def test_a_plan_in_place_of_views_of_its_own_keeps_all_else_that_is_stated(lab, 
     assert made["instrument"]["profile"] == "virtual_lab"
     run = experiment(["experiment=planned"], "lab")
     assert list(run.scan.rough_poses()) == ["1", "2", "3"]
+
+
+@pytest.mark.parametrize(
+    ("added", "chosen", "pose"),
+    [("overwrite: true\n", (), Edge), ("", ("pose=bitangent",), Bitangent)],
+    ids=["of other views", "another choice"],
+)
+def test_a_plan_is_not_built_on_what_does_not_hold_for_it(lab, sldvexp, added, chosen, pose):
+    lab.write_text(MINE + added)
+    done = sldvexp(*PLAN, *chosen)
+    assert (done.status, done.err) == (0, "")
+    made = yaml.safe_load(Path("lab/experiment/planned.yaml").read_text())
+    assert "/experiment/mine" not in made["defaults"]
+    run = experiment(["experiment=planned"], "lab")
+    assert not run.overwrite
+    assert isinstance(run.pose, pose)

@@ -6,15 +6,12 @@ import numpy as np
 import pytest
 
 from sldvexp import planner
-from tests.composing import experiment
-from tests.planner.planned_experiments import SMALL
-
-PILLAR = "plan.room.forbidden={pillar: {low: [0.9,-1,0.8], high: [1.2,2,1.1]}}"
+from tests.planner.planned_experiments import PILLAR, SMALL, plan_of
 
 
 @pytest.fixture(scope="module")
 def plan():
-    return planner.plan(experiment("experiment=plate", *SMALL, "plan.stands=3", PILLAR))
+    return plan_of(*SMALL, "plan.criterion=mean", "plan.stands=3", PILLAR)
 
 
 @pytest.mark.parametrize("width", [0.18, 0.085], ids=["page", "column"])

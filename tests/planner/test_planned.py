@@ -15,10 +15,10 @@ from sldvexp.planner.place import Place, of_search
 from sldvexp.planner.search import candidates
 from sldvexp.planner.turning import angles_of
 from tests.composing import experiment
-from tests.planner.planned_experiments import SMALL
+from tests.planner.planned_experiments import PILLAR, SMALL, plan_of
 
 PLANS = [
-    ("plan.criterion=mean",),
+    ("plan.criterion=mean", "plan.stands=3", PILLAR),
     ("plan.criterion=worst", "plan.of=in_plane"),
     ("plan.of=[1,0,1]", "plan.stands=4"),
 ]
@@ -27,7 +27,7 @@ PLANS = [
 def compared(settings: tuple[str, ...], layouts: int) -> tuple[float, float]:
     """Compute a plan's closed form and the best of so many random layouts, with its factors."""
     e = experiment("experiment=plate", *settings)
-    found = planner.plan(e)
+    found = plan_of(*settings)
     place = Place.from_experiment(e)
     chosen = of_search(place.nodes)
     thinned = place.with_nodes(chosen)

@@ -141,9 +141,19 @@ def test_right_marks_seldom_contradict():
     assert sum(map(bool, told + rough)) <= 2
 
 
+def test_poses_of_the_same_marks_are_found_once_and_of_others_anew():
+    view = views(25, 1)[0]
+    steps = view.seen()
+    one, other = (view.aiming(range(5), steps).pose for _ in range(2))
+    assert one is other
+    assert view.aiming(range(4), steps).pose is not one
+    steps[2] += [1, 0]
+    assert view.aiming(range(5), steps).pose is not one
+
+
 def test_a_wrong_mark_names_itself():
     for count in (5, 6, 8):
-        for view in views(20 + count, 8):
+        for view in views(20 + count, 3):
             steps = view.seen()
             steps[2] += [25, -30]
             aiming = view.aiming(range(count), steps)

@@ -111,7 +111,7 @@ def test_ranges_alone_set_the_scale():
 
 @pytest.mark.parametrize(
     "trials",
-    [8, pytest.param(25, marks=pytest.mark.whole), pytest.param(400, marks=pytest.mark.long)],
+    [pytest.param(25, marks=pytest.mark.whole), pytest.param(400, marks=pytest.mark.long)],
 )
 def test_bounds_with_ranges_hold_and_are_the_cramer_rao_bound(trials):
     lab = Lab(3)

@@ -102,7 +102,7 @@ def stepped(tmp_path):
 @pytest.mark.parametrize("pointing", [0.0, 0.06])
 @pytest.mark.parametrize(
     "trials",
-    [2, pytest.param(6, marks=pytest.mark.whole), pytest.param(200, marks=pytest.mark.long)],
+    [pytest.param(6, marks=pytest.mark.whole), pytest.param(200, marks=pytest.mark.long)],
 )
 def test_bounds_cover_the_truth(stepped, trials, pointing):
     rng, part = np.random.default_rng(1), mesh(STEPPED)

@@ -285,6 +285,7 @@ def test_ellipses_of_the_same_edges_are_found_once(edge_lab, monkeypatch):
     for others in (
         (edges, replace(lab.laser, mirror_offset=lab.laser.mirror_offset + 1e-9)),
         ([*edges[:-1], replace(edges[-1], std=edges[-1].std * (1 + 1e-9))], lab.laser),
+        ([*edges[:-1], replace(edges[-1], width=edges[-1].width + 1e-9)], lab.laser),
     ):
         before = len(fitted)
         find_pointing(*others)

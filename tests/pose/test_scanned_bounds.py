@@ -139,6 +139,7 @@ def test_bounds_have_the_pointing_noise_of_whole_scans_in_them(shaky, method):
     assert worse.mean() <= 1.05
 
 
+@pytest.mark.whole
 @pytest.mark.one_in(2)
 @pytest.mark.parametrize("method", [Bitangent(), Edge()], ids=lambda m: m.name)
 def test_pointing_noise_of_a_whole_scan_is_found(method):

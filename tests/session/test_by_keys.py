@@ -201,6 +201,22 @@ def test_who_moves_off_a_predicted_place_and_back_has_seen_the_mark(session):
     assert read_answer(session.folder / "a" / "mark_6.json")["answer"][2:] == ["unmoved"]
 
 
+def test_who_goes_back_to_a_predicted_place_by_g_has_seen_nothing(session):
+    first = [session.at(k) for k in (1, 2, 3, 4)]
+    session.press(*first, "g 1 up g enter")
+    assert read_answer(session.folder / "a" / "mark_5.json")["answer"][2:] == ["unmoved"]
+
+
+def test_a_mark_that_is_taken_back_and_again_where_it_was_is_measured_as_before(session):
+    """If no prediction brought the beam there, though nobody moves it now."""
+    session.press(*[session.at(k) for k in (1, 2, 3, 4)], "u enter")
+    assert session.kept()[4] == session.true[3]
+    session.press("g enter", "u enter")
+    assert session.kept()[5][2:] == ["unmoved"]
+    session.press("u 1 up enter", "h", "enter")
+    assert session.group["point"].values.tolist() == [1, 2, 3, 4, 5]
+
+
 def test_a_mark_that_is_taken_back_is_named_and_no_other(session):
     keys = session.press(*map(session.at, (1, 2, 3, 4)), "u")
     back = keys.lines.index("mark 4 taken back: aim at it again")
@@ -214,6 +230,13 @@ def test_g_says_which_of_several_places_it_goes_to(session):
         "1 of 3",
         "2 of 3",
     }
+
+
+def test_a_narrow_terminal_says_how_far_it_is_before_to_which_place(session, monkeypatch):
+    monkeypatch.setattr(Keys, "columns", 50)
+    keys = session.press(*map(session.at, (1, 2, 3)), "idle")
+    assert re.search(r"to go ([-+]\d+) ([-+]\d+)$", keys.shown[-1])
+    assert "to place" not in keys.shown[-1]
 
 
 def test_a_wrong_mark_is_told_when_it_is_taken_and_taken_again(session):
@@ -508,7 +531,7 @@ def test_five_marks_at_a_real_terminal(by_hand, composed, tmp_path):
     terminal.until("to go")
     terminal.type("g")
     terminal.until(f"beam {expected[1]} {expected[2]}  ")
-    terminal.type("\r")
+    terminal.type(f"1{UP}{DOWN}\r")
     shown = terminal.until("View a, mark 6 at ")
     assert "steps from where the others put it (+-" in shown
     terminal.type("h")
@@ -542,8 +565,8 @@ def test_five_invented_places_are_told_at_once_and_void(by_hand):
         terminal.type(f"={up_down} {left_right}\n\r")
     terminal.until("marks 1, 2, 3, 4 and 5 contradict one another by ")
     terminal.type("h")
-    terminal.until("Enter goes on")
-    terminal.type("\r")
+    terminal.until("Enter twice goes on")
+    terminal.type("\r\r")
     assert terminal.status() == 0, terminal.shown
     with dataset.load(by_hand.folder / "run.nc") as tree:
         found = tree["verdict"].load()

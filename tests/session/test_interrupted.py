@@ -169,13 +169,12 @@ class Halved(Fault):
         send(answer[half:])
 
 
-@pytest.mark.one_in(2)
 @pytest.mark.parametrize(
     ("signals", "number"),
     [
         pytest.param(1, signal.SIGINT, marks=pytest.mark.long),
-        (4, signal.SIGINT),
-        (2, signal.SIGTERM),
+        pytest.param(4, signal.SIGINT, marks=pytest.mark.whole),
+        pytest.param(2, signal.SIGTERM, marks=pytest.mark.whole),
         pytest.param(1, signal.SIGHUP, marks=pytest.mark.long),
     ],
 )

@@ -292,7 +292,7 @@ def test_a_circle_behind_another_one_is_told_as_that(composed, tmp_path, x):
         scan_views(e, tmp_path)
 
 
-@pytest.mark.one_in(3)
+@pytest.mark.whole
 @pytest.mark.parametrize(
     ("board", "diameter", "away"),
     [("bits_12_sign", 0.1, 0.9), ("bits_16", 0.1, 0.9), ("bits_16", 0.02, 1.8)],
@@ -323,7 +323,7 @@ def oblique(composed, incidence, *more):
     return replace(e, scan=replace(e.scan, poses={"a": e.scan.poses["a"]}))
 
 
-@pytest.mark.one_in(2)
+@pytest.mark.whole
 @pytest.mark.parametrize(
     ("board", "incidence", "waist"), [("bits_16", 70.0, 1e-3), ("bits_12_sign", 70.0, 1.5e-3)]
 )

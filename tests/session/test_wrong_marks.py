@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sldvexp.console.marks import FIDUCIAL, AimedMarks, AimedPerson
+from sldvexp.console.marks import FIDUCIAL, AimedMark, AimedMarks, AimedPerson
 from sldvexp.errors import UserError
-from sldvexp.instrument.person import TakenBackError
+from sldvexp.instrument.person import Mark, TakenBackError
 from sldvexp.instrument.recording import JOURNAL
 from sldvexp.pose.aiming import aiming_at_marks
 from sldvexp.session import Operator
@@ -116,14 +116,19 @@ def test_who_types_lines_is_told_before_the_session_goes_on(session):
     np.testing.assert_array_equal(session.group["dac"].values[0], session.true)
 
 
+@pytest.mark.parametrize(
+    "by",
+    [lambda s: typed(s, *6 * [""]), lambda s: s.press(*6 * ["enter"], "enter enter")],
+    ids=["lines", "keys"],
+)
 def test_who_only_presses_enter_at_the_places_of_a_rough_pose_has_measured_nothing(
-    composed, tmp_path, monkeypatch
+    composed, tmp_path, monkeypatch, by
 ):
     """All marks of a pose that is 30 mm beside: neither lines nor keys take them for measured."""
     where = "views={a: {pose: {origin: [0.31, 0.55, 1.66], look_at: [0.13, 0.15, 0]}}}"
     rough = Session(composed, tmp_path, monkeypatch, f"scan.{where}")
     with pytest.raises(UserError, match="every mark of the view a was taken where it was predict"):
-        typed(rough, *[""] * 6)
+        by(rough)
 
 
 @pytest.mark.whole
@@ -134,11 +139,15 @@ def test_where_nobody_is_there_the_session_goes_on_with_what_is_kept(session):
 
 
 def test_what_is_aimed_anew_on_the_page_counts_when_the_run_goes_on():
-    person = AimedPerson({1: (1, 1), 2: (2, 2)})
-    person.review({1: (1, 1), 2: (2, 2), 3: None})
-    with pytest.raises(TakenBackError) as back:
-        person.review({1: (1, 1), 2: (20, 2)})
-    assert back.value.number == 2
+    person = AimedPerson({2: AimedMark((2, 2))}, {4})
+    person.review({1: (1, 1), 3: None})  # which nobody has touched there
+    kept = {1: (1, 1), 2: (2, 2), 3: None, 4: (4, 4)}
+    for number, steps in ((2, (2, 2)), (4, None)):
+        with pytest.raises(TakenBackError) as back:
+            person.review(kept)
+        assert back.value.number == number
+        assert person.aim(Mark(number, np.zeros(3), np.zeros(3)), (0, 0)) == steps
+    person.review(kept)
 
 
 class OnThePage(Operator):
@@ -170,6 +179,8 @@ def test_a_mark_that_was_taken_away_on_the_page_is_hidden_when_the_run_goes_on(s
     for k in (1, 5):
         aimed.put("a", (FIDUCIAL, k), tuple(session.true[k - 1]))
     aimed.put("a", (FIDUCIAL, 5), None)
+    aimed.put("a", (FIDUCIAL, 6), (1, 2))
+    aimed.undo()  # as if it had never been touched
     gone_on_with(session, aimed)
     right = {k: session.true[k - 1] for k in range(1, 7)}
     assert session.kept() == right | {5: None}

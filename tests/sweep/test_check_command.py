@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from hydra.core.override_parser.overrides_parser import OverridesParser
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from sldvexp.check import lookup
@@ -224,7 +224,6 @@ VALUES = st.recursive(
 )
 
 
-@settings(deadline=None, max_examples=50)
 @given(VALUES)
 def test_values_arrive_as_they_are_written(value):
     (read,) = OverridesParser.create().parse_overrides([f"key={as_setting(value)}"])

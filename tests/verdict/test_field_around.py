@@ -30,6 +30,7 @@ def test_closed_surfaces_alone_get_a_field_around():
         assert type(FieldAround.on(sheet, 3)) is SmoothField
 
 
+@pytest.mark.whole
 def test_slopes_are_those_of_differences_in_space():
     places = nodes()
     field = FieldAround.on(places, 4)

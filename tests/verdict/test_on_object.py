@@ -19,7 +19,7 @@ LASER, GRID = TwoMirror(), volume.Grid(size=[0.2, 0.2], shape=[5, 5])
 
 def object_before(forward):
     """Three circles so far before the plate's plane, one of them before the plate."""
-    circles = {1: Circle(0.03, 0.02, 0.03), 2: Circle(0.4, 0.0, 0.03), 3: Circle(0.4, 0.2, 0.03)}
+    circles = {1: Circle(0.03, 0.02, 0.02), 2: Circle(0.22, 0.0, 0.03), 3: Circle(0.4, 0.2, 0.03)}
     plane = Plane([0.0, 0.0, forward], [0.0, 0.0, 1.0])
     return Circles(circles=circles, planes={"front": plane})
 
@@ -42,8 +42,10 @@ def images(rng):
         x, y, _ = beams.point.T
         seen = np.zeros((625, 1), complex)
         seen[beams.pixel, 0] = 1e-3 * np.cos(8 * x) * np.cos(7 * y) * beams.direction[:, 2]
-        met[name] = on_circles(view, surface, object_before(0.1))
-        seen[met[name]] = 0
+        on_any, inside = on_circles(view, surface, object_before(0.1)), _inside(beams)
+        assert (on_any & ~inside).any() == (name == "b")  # of the circle beside the plate
+        met[name] = on_any & inside
+        seen[on_any] = 0
         seen += 1e-5 * (rng.normal(size=seen.shape) + 1j * rng.normal(size=seen.shape))
         groups[f"image/{name}"] = dataset.group(
             "image",
@@ -53,7 +55,7 @@ def images(rng):
             velocity_std=np.full(seen.shape, 1e-5),
             flags=np.zeros(625, np.uint8),
         )
-        assert not on_circles(view, surface, object_before(-0.1)).any(where=_inside(beams))
+        assert not on_circles(view, surface, object_before(-0.1)).any(where=inside)
     return groups, met
 
 
@@ -64,18 +66,18 @@ def _inside(beams):
 
 def test_pixels_on_the_calibration_object_are_left_out_as_such():
     groups, met = images(np.random.default_rng(1))
-    assert all(one.any() for one in met.values())
+    assert {name: one.sum() for name, one in met.items()} == {"a": 1, "b": 1, "c": 1, "d": 2}
     found = examine_views(groups, LASER, GRID, target=object_before(0.1))
     told = {f.views[0]: f for f in found.findings if f.kind == "on_object"}
     assert told.keys() == set("abcd")
     for name, finding in told.items():
         assert finding.severity is Severity.note
-        assert finding.text.endswith("left out, whose beams meet the calibration object") or (
-            finding.text.startswith("one pixel")
-            and finding.text.endswith("whose beam meets the calibration object")
-        )
+        one = met[name].sum() == 1
+        count, beams = ("one pixel", "beam meets") if one else ("2 pixels", "beams meet")
+        assert finding.text.startswith(f"{count} of view {name} ")
+        assert finding.text.endswith(f"left out, whose {beams} the calibration object")
         left_out = found.groups[f"image/{name}"]["flags"].values != 0
-        assert not (left_out & ~met[name]).any()
+        np.testing.assert_array_equal(left_out, met[name])
     assert not [f for f in found.findings if f.kind == "drop_outs"]
     without = examine_views(groups, LASER, GRID)
     assert not [f for f in without.findings if f.kind == "on_object"]

@@ -158,9 +158,12 @@ export class Aim {
 
   at({ kind, number }, list = this.marks.marks) { return list.find((m) => m.kind === kind && m.number === number); }
 
-  placeOf(name) {
-    if (!name) return null;
-    return (this.at(name) ?? this.at(name, this.marks.predicted ?? []))?.dac ?? null;
+  placeOf(name) { return this.placesOf(name)[0] ?? null; }
+
+  /** Say where a mark is, or else is predicted and may be instead. */
+  placesOf(name) {
+    const set = name && this.at(name), guess = name && this.at(name, this.marks.predicted);
+    return set ? [set.dac] : guess ? [guess.dac, ...guess.instead] : [];
   }
 
   showMarks(word) {
@@ -319,8 +322,10 @@ export class Aim {
     const size = Math.max(width / (canvas.clientWidth || width), 1);  // on a small screen not smaller
     context.font = `bold ${13 * size}px sans-serif`;
     this.drawRegion(context, at);
-    const open = (this.marks.predicted ?? []).filter((mark) => !this.at(mark)).map((mark) => ({ ...mark, colour: "#19a3a3", text: `${nameOf(mark)}?` }));
-    const drawn = [...open, ...this.marks.marks.map((mark) => ({ ...mark, colour: "#2f9e3f", text: nameOf(mark) }))].map((mark) => ({ ...mark, at: at(mark.dac) })).filter((mark) => mark.at[0] >= 0 && mark.at[1] >= 0 && mark.at[0] <= width && mark.at[1] <= height);
+    const named = (mark, sure) => ({ ...mark, colour: sure ? "#2f9e3f" : "#19a3a3", text: `${nameOf(mark)}${sure ? "" : "?"}` });
+    const open = (this.marks.predicted ?? []).filter((mark) => !this.at(mark)).map((mark) => named(mark, false));
+    const taken = this.marks.marks.map((mark) => named(mark, !mark.unmoved));
+    const drawn = [...open, ...taken].map((mark) => ({ ...mark, at: at(mark.dac) })).filter((mark) => mark.at[0] >= 0 && mark.at[1] >= 0 && mark.at[0] <= width && mark.at[1] <= height);
     for (const mark of drawn) drawMark(context, mark.at, mark.kind, mark.colour, size);
     this.names = placeNames(context, drawn, (this.marks.outlines ?? []).map(({ points }) => points.map(at)), at(this.beam), size);
     for (const { text, kind, colour, box } of this.names) drawName(context, text, kind === "corner" ? CORNER : colour, box);
@@ -359,9 +364,10 @@ export class Aim {
   }
 
   go() {
-    const place = this.placeOf(this.chosen);
-    if (!place) return;
-    this.page.wish("move", { to: place.map(Math.round) });
+    const places = this.placesOf(this.chosen), at = places.findIndex((dac) => dac.every((v, k) => v === this.beam[k]));
+    if (!places.length) return;
+    const place = places[(at + 1) % places.length];
+    this.page.wish("go", { ...this.chosen, to: place });
     const { low, high } = this.map, now = high[0] - low[0], side = Math.min(now, CLOSE * (this.limits[1] - this.limits[0]));
     // The beam goes where it can be seen, with what is around it.
     if (side < now || place.some((b, k) => b < low[k] + AROUND * side || b > high[k] - AROUND * side)) this.window(place.map((b) => b - side / 2), place.map((b) => b + side / 2));
@@ -503,7 +509,9 @@ function placeNames(context, marks, outlines, beam, size) {
       for (const [left, top] of [[c + gap, b - tall], [c + gap, middle[1]], [middle[0], d + gap], [middle[0], b - gap - tall], [a - gap - wide, middle[1]], [a - gap - wide, b - tall], [c + gap, d], [a - gap - wide, d]]) {
         const box = [left, top, left + wide, top + tall];
         const out = area(box) - covered(box, [0, 0, width, height]);
-        const cost = [...filled, ...small, ...placed.map((name) => name.box)].reduce((sum, other) => sum + covered(box, other), 2 * out);
+        const over = (boxes) => boxes.reduce((sum, other) => sum + covered(box, other), 0);
+        // Of two names over one another none can be read; marks and outlines can be seen through one.
+        const cost = over([...filled, ...small]) + 10 * over(placed.map((name) => name.box)) + 2 * out;
         // A name that lies nearer to another mark would name that one.
         const misled = marks.some((other) => other !== mark && away(other.at, box) <= away(mark.at, box)) ? area(box) / 2 : 0;
         if (!best || cost + misled < best.cost) best = { cost: cost + misled, box };

@@ -16,6 +16,7 @@ import numpy as np
 
 from sldvexp.errors import UserError
 from sldvexp.field.bounds.inverse import InverseRows, NearInverse, WholeInverse
+from sldvexp.field.bounds.sparse_inverse_rows import NearNodes
 from sldvexp.field.equations.assembly import Equations
 from sldvexp.field.equations.regions import RegionIterator, RegionSamples
 from sldvexp.field.equations.sample_model import FieldModel
@@ -63,7 +64,9 @@ class LeastVariance:
             return cls(parts, WholeInverse.from_system(system, parts.model.parameters))
         try:
             near = NearInverse.from_system(system, parts)
-        except UserError:
+            for own in parts.own_nodes():  # which no solver has looked at
+                NearNodes.of_own(system.graph, own, near.rings).factor(system)
+        except (UserError, RuntimeError):
             return None
         return cls(parts, replace(near, odd=np.zeros_like(near.odd)))
 

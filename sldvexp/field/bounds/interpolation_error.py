@@ -8,16 +8,12 @@ wave err together. It depends on the frequencies through the modes of the data a
 
 from __future__ import annotations
 
-from sldvexp.field.equations.assembly import right_sides
-from sldvexp.field.equations.regions import RegionIterator
-from sldvexp.field.equations.system import NormalEquations, Solve, solution
+from sldvexp.field.visibility.visibility import VolumeVisibility
 from sldvexp.typing import Array
 
 
-def interpolation_error(
-    parts: RegionIterator, system: NormalEquations, solve: Solve, data: list[Array]
-) -> Array | None:
-    """Estimate the error of nodal values, interpolated minus true; None if no pixel tells.
+def interpolation_errors(visibility: VolumeVisibility, data: list[Array]) -> list[Array] | None:
+    """Estimate errors of every view's interpolation, interpolated minus true, near its pixels.
 
     Parameters
     ----------
@@ -26,10 +22,10 @@ def interpolation_error(
 
     Returns
     -------
-    ndarray, shape (layer, surface_node, parameter, mode), m/s
+    list of ndarray, shape (pixel, mode), m/s, optional
+        As columns of the equations they lead to the error of nodal values; None if no pixel tells.
     """
-    matrices = parts.visibility.interpolation_errors
+    matrices = visibility.interpolation_errors
     if not any(matrix.nnz for matrix in matrices):
         return None
-    errors = [matrix @ velocity for matrix, velocity in zip(matrices, data, strict=True)]
-    return solution(right_sides(parts, errors), system, solve)
+    return [matrix @ velocity for matrix, velocity in zip(matrices, data, strict=True)]

@@ -18,7 +18,6 @@ import numpy as np
 
 from sldvexp.field.bounds.compiled import CompiledKernels, kernels_for
 from sldvexp.field.bounds.sparse_inverse_rows import (
-    NearNodes,
     block_rows,
     diagonal_blocks,
     rings_of,
@@ -153,15 +152,10 @@ class NearInverse:
         Raises
         ------
         UserError
-            If samples do not determine all layers, or all nodes of a layer.
+            If samples do not determine all layers.
         """
         rings = rings_of(parts.visibility.rule)
         line = inverse_line(system)
-        for own in parts.own_nodes():
-            try:
-                NearNodes.of_own(system.graph, own, rings).factor(system)
-            except RuntimeError:
-                raise undetermined_nodes(system) from None
         mean = system.line.sum(axis=1)[:, None, None, None] * system.surface_sums
         # Layer by layer, as what is in between takes several times as much as the result.
         turn, far = np.empty_like(mean), np.zeros(system.graph.nodes, bool)
@@ -172,11 +166,20 @@ class NearInverse:
         return cls(system, line, turn, odd, rings)
 
     def of_part(self, part: RegionSamples) -> CoupledRows | ScalarRows:
-        """Select the rows of a part's own nodes."""
+        """Compute the rows of a part's own nodes.
+
+        Raises
+        ------
+        UserError
+            If samples do not determine all of them.
+        """
         nodes, own = part.patch.nodes, part.region.own
         place = np.full(self.system.graph.nodes, -1)
         place[nodes] = np.arange(len(nodes))
-        surface = surface_rows(self.system, own, place, self.rings)
+        try:
+            surface = surface_rows(self.system, own, place, self.rings)
+        except RuntimeError:
+            raise undetermined_nodes(self.system) from None
         odd = np.flatnonzero(self.odd[own])
         volume = volume_rows(self.system, own[odd], place, self.rings)
         kind = ScalarRows if self.system.block == 1 else CoupledRows

@@ -53,6 +53,8 @@ class Equations:
         Samples that are kept.
     coverage : tuple of Coverage
         One a view.
+    further : tuple of ndarray, shape (layer, surface_node, parameter, column)
+        Right sides of further columns.
     """
 
     system: NormalEquations
@@ -61,6 +63,7 @@ class Equations:
     rows: int
     samples: int
     coverage: tuple[Coverage, ...]
+    further: tuple[Array, ...] = ()
 
 
 def normal_equations(parts: RegionIterator, data: list[Array]) -> Equations:
@@ -76,14 +79,21 @@ def normal_equations(parts: RegionIterator, data: list[Array]) -> Equations:
     UserError
         If a view sees nothing.
     """
-    return joint_equations([parts], [data])[0]
+    return joint_equations([parts], [[data]])[0]
 
 
-def joint_equations(each: Sequence[RegionIterator], data: Sequence[list[Array]]) -> list[Equations]:
+def joint_equations(
+    each: Sequence[RegionIterator], data: Sequence[Sequence[list[Array]]]
+) -> list[Equations]:
     """Set up the normal equations of several models of the same samples, looked at once.
 
     Those of the first are to be solved. Of the others, if they are large, what their nearest
     Kronecker product needs is enough, which takes far less memory.
+
+    Parameters
+    ----------
+    data : sequence of sequence of list of ndarray, shape (pixel, column), m/s
+        Of each model: that of `normal_equations`, and any number of further columns.
     """
     pairs = zip(each, data, strict=True)
     sums = [EquationSums(parts, of, to_solve=not k) for k, (parts, of) in enumerate(pairs)]
@@ -98,13 +108,15 @@ class EquationSums:
 
     Parameters
     ----------
-    data : list of ndarray, shape (pixel, column), m/s
-        See `normal_equations`.
+    data : sequence of list of ndarray, shape (pixel, column), m/s
+        See `joint_equations`.
     to_solve : bool
         Whether all of the matrix is wanted even of a large system; see `Assembly`.
     """
 
-    def __init__(self, parts: RegionIterator, data: list[Array], to_solve: bool = True) -> None:
+    def __init__(
+        self, parts: RegionIterator, data: Sequence[list[Array]], to_solve: bool = True
+    ) -> None:
         prisms, model = parts.visibility.prisms, parts.model
         shape = (prisms.layers, prisms.surface_nodes, model.parameters)
         self.parts, self.data = parts, data
@@ -112,9 +124,9 @@ class EquationSums:
         self.assembly = Assembly(
             parts.graph, parts.visibility.rule, prisms.layers, model.block, whole=to_solve
         )
-        self.right = np.zeros((*shape, data[0].shape[1]))
-        self.ranked, self.whole = np.zeros(shape), np.zeros(shape)
-        self.complete = np.zeros(shape)
+        self.right = [np.zeros((*shape, of[0].shape[1])) for of in data]
+        self.ranked = np.zeros(shape)
+        self.whole, self.complete = np.zeros((*shape[:2], 1)), np.zeros((*shape[:2], 1))
         self.rows = self.samples = 0
         self.coverage: list[Coverage] = []
 
@@ -122,7 +134,8 @@ class EquationSums:
         """Add the samples of a region."""
         at, nodes = part.at, part.patch.nodes
         self.assembly.add(part.patch, at.information)
-        self.right[:, nodes] += _right_side(part, self.data)
+        for right, data in zip(self.right, self.data, strict=True):
+            right[:, nodes] += _right_side(part, data)
         self.ranked[:, nodes] += part.patch.to_nodes(_ranked(at, part.model.parameters))
         self.whole[:, nodes] += part.patch.to_nodes(np.ones((len(part.samples.position), 1)))
         if self.one_by_one:
@@ -140,9 +153,10 @@ class EquationSums:
         ranked = self.ranked / self.whole
         if self.one_by_one:  # few samples of some prisms are fewer than these have corners
             ranked[(ranked < 1 - MISSING) & (self.complete == 0)] = 0.0
+        right, *further = self.right
         system = self.assembly.system(ranked[..., 0] >= SMALLEST_PART)
         coverage = tuple(self.coverage)
-        return Equations(system, self.right, ranked, self.rows, self.samples, coverage)
+        return Equations(system, right, ranked, self.rows, self.samples, coverage, tuple(further))
 
 
 def right_sides(parts: RegionIterator, data: list[Array]) -> Array:

@@ -31,10 +31,11 @@ def condition_numbers(system: NormalEquations, solve: Solve) -> tuple[float, flo
     if system.is_small:
         return _of_dense(system.eigenvalues, system.dense, system.inverse)
     if system.exact:
-        inverse = KroneckerInverse.from_system(system).surface.solve
-        inverse_line = np.linalg.inv(system.line).astype(float)
-        line = _of_dense(np.linalg.eigvalsh(system.line).astype(float), system.line, inverse_line)
-        surface = _of_operators(lambda x: system.surface @ x, inverse, system.surface.shape[0])
+        inverse = KroneckerInverse.from_system(system)
+        line = _of_dense(np.linalg.eigvalsh(system.line).astype(float), system.line, inverse.line)
+        surface = _of_operators(
+            lambda x: system.surface @ x, inverse.surface.solve, system.surface.shape[0]
+        )
         return line[0] * surface[0], line[1] * surface[1]
 
     def times(x: Array) -> Array:

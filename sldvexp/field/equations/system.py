@@ -25,6 +25,8 @@ Solve = Callable[[Array], Array]
 
 #: Pairs of layers of a gap: lower with itself, lower with upper, upper with itself.
 PAIRS = ((0, 0), (0, 1), (1, 1))
+#: How often each stands in the sum over all four blocks of a gap.
+TIMES = (1, 2, 1)
 #: Unknowns up to which a system's matrix and its inverse are looked at as a whole.
 SMALL = 2000
 #: How firmly a node with too few samples is held, over the mean information of a node.
@@ -57,8 +59,8 @@ class Assembly:
     block : int
         Unknowns of a node that M couples.
     whole : bool
-        Whether the blocks of each gap are wanted even of a large system, and not their mean alone;
-        those of a small one always are.
+        Whether the blocks of each gap are wanted even of a large system, and not the mean of their
+        sums alone; those of a small one always are.
     """
 
     def __init__(
@@ -66,8 +68,8 @@ class Assembly:
     ) -> None:
         self.graph, self.rule, self.layers, self.block = graph, rule, layers, block
         self.whole = whole or is_small(layers * graph.nodes * block)
-        size = (layers - 1 if self.whole else 1, 3, len(graph.indices), block, block)
-        self.pairs = np.zeros(size)
+        each = (layers - 1, 3) if self.whole else (1, 1)
+        self.pairs = np.zeros((*each, len(graph.indices), block, block))
         self.lumped = None if self.whole else np.zeros((layers, graph.nodes, block, block))
         self.uniform = rule.triangle is not None
 
@@ -97,7 +99,7 @@ class Assembly:
                 if self.lumped is None:
                     self.pairs[gap, pair, place] += sums
                     continue
-                self.pairs[0, pair, place] += sums / gaps
+                self.pairs[0, 0, place] += TIMES[pair] / gaps * sums
                 for layer in {gap + i for i in PAIRS[pair]}:
                     self.lumped[layer, row[starts]] += np.add.reduceat(sums, starts, axis=0)
 
@@ -127,8 +129,10 @@ class Assembly:
                 held = self.graph.diagonal[some]
                 hold(self.pairs, self.layers, (layer, held), part * size * np.eye(self.block))
         line = line_matrix(self.rule, self.layers)
-        exact = self.uniform and bool(ranked.all())
-        return NormalEquations(self.graph, self.pairs, line, lumped, active, exact)
+        exact, pairs = self.uniform and bool(ranked.all()), self.pairs
+        if exact:  # one gap is like another, and is kept once
+            pairs = np.broadcast_to(pairs[:1].copy(), pairs.shape)
+        return NormalEquations(self.graph, pairs, line, lumped, active, exact)
 
 
 def is_small(unknowns: int) -> bool:
@@ -141,13 +145,13 @@ def hold(pairs: Array, layers: int, where: tuple[int, IndexArray | np.intp], blo
 
     Parameters
     ----------
-    pairs : ndarray, shape (gap or 1, 3, entry, block, block)
+    pairs : ndarray, shape (gap, 3, entry, block, block) or (1, 1, entry, block, block)
         As of `NormalEquations`; changed in place.
     """
     (layer, entry), gaps = where, layers - 1
     gap, k = (layer, 0) if layer < gaps else (layer - 1, 2)
-    if len(pairs) < gaps:  # a mean over the gaps
-        gap, blocks = 0, blocks / gaps
+    if pairs.shape[1] == 1:  # a mean over the gaps
+        gap, k, blocks = 0, 0, blocks / gaps
     pairs[gap, k, entry] += blocks
 
 
@@ -174,9 +178,9 @@ class NormalEquations:
 
     Attributes
     ----------
-    pairs : ndarray, shape (gap or 1, 3, entry, block, block)
-        The surface matrices S of the pairs of layers, entries as in `graph`; their mean over the
-        gaps where the nearest Kronecker product alone is wanted.
+    pairs : ndarray, shape (gap, 3, entry, block, block) or (1, 1, entry, block, block)
+        The surface matrices S of the pairs of layers, entries as in `graph`; where the nearest
+        Kronecker product alone is wanted, the mean over the gaps of their sums.
     line : ndarray, shape (layer, layer)
     lumped : ndarray, shape (layer, surface_node, block, block)
         Information that the samples around a node have, ``sum_s phi N_s``.
@@ -211,6 +215,8 @@ class NormalEquations:
     @cached_property
     def surface_blocks(self) -> Array:
         """Mean over the gaps of ``sum_s t t^T (x) N_s``, shape (entry, block, block)."""
+        if self.pairs.shape[1] == 1:
+            return self.pairs[0, 0]
         return (self.pairs[:, 0] + 2 * self.pairs[:, 1] + self.pairs[:, 2]).mean(axis=0)
 
     @cached_property

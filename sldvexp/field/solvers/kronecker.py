@@ -97,7 +97,8 @@ class KroneckerInverse:
         return done.transpose(1, 0, 2).reshape(x.shape)
 
 
-#: Inverses of systems that are still there: the solver, bounds and condition numbers need one each.
+#: Inverses of systems that are still there: a solver needs one, and once more for what is wanted
+#: roughly, and so do condition numbers.
 _inverses: WeakKeyDictionary[NormalEquations, KroneckerInverse] = WeakKeyDictionary()
 
 

@@ -19,7 +19,6 @@ from sldvexp import dataset
 from sldvexp.field.bounds.advice import advice
 from sldvexp.field.bounds.calibration import calibration_changes
 from sldvexp.field.bounds.intercept_test import InterceptTest
-from sldvexp.field.bounds.interpolation_error import interpolation_error
 from sldvexp.field.bounds.pointing import pointing_variance
 from sldvexp.field.bounds.pose_uncertainty import ModeEffect, PoseErrors, of_modes, pose_covariance
 from sldvexp.field.bounds.residuals_and_bounds import FieldBounds, residuals_only
@@ -80,7 +79,10 @@ class Ready:
         check_views(visibility)
         poses = pose_covariance(visibility.views, None if errors is None else errors.covariance)
         data = [np.where(v.usable[:, None], v.velocity.real, 0.0) for v in visibility.views]
-        fit = FieldSetUp.from_images(visibility, method, local, data).solved(solver, data)
+        own = FrequencyModes(np.eye(data[0].shape[1]))
+        fit = FieldSetUp.from_images(visibility, method, local, data, modes=own).solved(
+            solver, data
+        )
         messages, modes = fit.messages, compressed.modes
         effect = None if poses is None else ModeEffect(poses, modes, fit.theta, data)
         if effect is None:
@@ -98,8 +100,7 @@ class Ready:
         pointing = pointing_variance(fit.parts, fit.equations.system, fit.solve, data)
         if pointing is not None:
             others["pointing"] = pointing
-        error = interpolation_error(fit.parts, fit.equations.system, fit.solve, data)
-        bounds = replace(bounds, others=others, interpolation=error)
+        bounds = replace(bounds, others=others, interpolation=fit.interpolation)
         return cls(
             method,
             solver,

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from sldvexp.errors import UserError
 from sldvexp.geometry import Bins
-from sldvexp.image.interpolation.base import ImagePixels, Located
+from sldvexp.image.interpolation.base import ImagePixels, Located, rows_of
 from sldvexp.image.interpolation.standing_in import stand_ins
 from sldvexp.lazy import scipy
 from sldvexp.typing import Array, BoolArray, IndexArray
@@ -23,6 +23,8 @@ from sldvexp.typing import Array, BoolArray, IndexArray
 WIDER = 5
 #: In cell sizes: by how much a place may be beside a cell and count as on its edge. Rounding only.
 ROUNDING = 1e-10
+#: Places that stay in the cache, whatever is computed of them.
+PLACES_AT_ONCE = 8192
 
 
 class ImageMesh(ABC):
@@ -122,6 +124,21 @@ class ImageMesh(ABC):
         """
         return self.shape_functions(self.vertices[corner], places)[1]
 
+    def slopes(self, at: Located, places: Array, values: Array) -> Array:
+        """Differentiate what the corners' weights interpolate by the place, at located ones.
+
+        Parameters
+        ----------
+        places : ndarray, shape (found, 2), steps
+        values : ndarray, shape (vertex, column)
+
+        Returns
+        -------
+        ndarray, shape (2, found, column), 1/step
+        """
+        gradient, count = self.gradients(at.corner, places), len(self.vertices)
+        return np.stack([rows_of(at.corner, gradient[..., a], count) @ values for a in range(2)])
+
     def find(self, places: Array) -> IndexArray:
         """Find the cell of each place, shape (place,), -1 where there is none."""
         place, cell = self._bins.pairs(places)
@@ -179,7 +196,7 @@ class Lattice(ImageMesh):
 
     def shape_functions(self, corners: Array, places: Array) -> tuple[Array, Array]:
         """Compute the corners' bilinear weights in a cell's own coordinates, with derivatives."""
-        u, v = _cell_coordinates(corners, places)
+        u, v = self.cell_coordinates(corners, places)
         weight, by_u, by_v = _bilinear(u, v)
         along_u, along_v = (np.einsum("nk,nki->ni", by, corners) for by in (by_u, by_v))
         area = cross(along_u, along_v)
@@ -187,6 +204,28 @@ class Lattice(ImageMesh):
         du = np.stack([along_v[:, 1], -along_v[:, 0]], axis=-1) / area[:, None]
         dv = np.stack([-along_u[:, 1], along_u[:, 0]], axis=-1) / area[:, None]
         return weight, by_u[..., None] * du[:, None] + by_v[..., None] * dv[:, None]
+
+    def cell_coordinates(self, corners: Array, places: Array) -> tuple[Array, Array]:
+        """Find places in their cells, 0 to 1 from the first corner to the second and the fourth."""
+        return _cell_coordinates(corners, places)
+
+    def slopes(self, at: Located, places: Array, values: Array) -> Array:
+        """Differentiate, see `ImageMesh.slopes`, by the cell's own coordinates, values alone.
+
+        Weights that were found before are in the order of a matrix's columns by now.
+        """
+        place, value = self.vertices.T.copy(), values.T.copy()
+        found = np.empty((2, len(at.corner), values.shape[1]))
+        for first in range(0, len(at.corner), PLACES_AT_ONCE):
+            some = slice(first, first + PLACES_AT_ONCE)
+            corner = at.corner[some].T.copy()
+            u, v = self.cell_coordinates(self.vertices[at.corner[some]], places[some])
+            (x_u, y_u), (x_v, y_v) = _along(place, corner, u, v)
+            f_u, f_v = _along(value, corner, u, v)
+            area = x_u * y_v - y_u * x_v
+            found[0, some] = ((f_u * y_v - f_v * y_u) / area).T
+            found[1, some] = ((f_v * x_u - f_u * x_v) / area).T
+        return found
 
     def neighbours(self) -> tuple[IndexArray, IndexArray]:
         """List the eight around each pixel.
@@ -234,6 +273,11 @@ class StraightLattice(Lattice):
         )
         return np.where(above | beside, -1, row * (len(columns) - 1) + column)
 
+    def cell_coordinates(self, corners: Array, places: Array) -> tuple[Array, Array]:
+        """Find places in their cells, see `Lattice.cell_coordinates`."""
+        u, v = ((places - corners[:, 0]) / (corners[:, 2] - corners[:, 0])).T
+        return u, v
+
     def shape_functions(self, corners: Array, places: Array) -> tuple[Array, Array]:
         """Compute the corners' bilinear weights in a cell's own coordinates, with derivatives."""
         side = corners[:, 2] - corners[:, 0]
@@ -277,6 +321,18 @@ def _bilinear(u: Array, v: Array) -> tuple[Array, Array, Array]:
     by_u = np.stack([v - 1, 1 - v, v, -v], axis=-1)
     by_v = np.stack([u - 1, -u, u, 1 - u], axis=-1)
     return weight, by_u, by_v
+
+
+def _along(values: Array, corner: NDArray[np.int32], u: Array, v: Array) -> tuple[Array, Array]:
+    """Differentiate values of the vertices by u and by v, shape (column, place) each.
+
+    Parameters
+    ----------
+    values : ndarray, shape (column, vertex)
+    corner : ndarray of int, shape (4, place)
+    """
+    a, b, c, d = (values.take(number, axis=1) for number in corner)
+    return (b - a) + v * ((c - d) - (b - a)), (d - a) + u * ((c - b) - (d - a))
 
 
 def _cell_coordinates(corners: Array, places: Array) -> tuple[Array, Array]:

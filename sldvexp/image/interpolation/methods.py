@@ -107,6 +107,8 @@ class Interpolation(Enum):
         return CubicInterpolator if self is Interpolation.cubic else LinearInterpolator
 
 
+#: Bytes of an image's predictions up to which they are remembered: cubic ones of 130,000 pixels.
+CACHE_BYTES = 2**24
 #: Predictions of images that are still there, by the interpolation: its choice and its error are
 #: told by the same.
 _known: WeakKeyDictionary[ImagePixels, dict[type, Predictions]] = WeakKeyDictionary()
@@ -119,10 +121,11 @@ def _predicted(
     try:
         known = _known.setdefault(image, {})
     except TypeError:  # it can be changed, and so has no hash
-        return predictions(image, mesh, make)
-    if make not in known:
-        known[make] = predictions(image, mesh, make)
-    return known[make]
+        known = {}
+    found = known[make] if make in known else predictions(image, mesh, make)
+    if found.weights.data.nbytes <= CACHE_BYTES:
+        known[make] = found
+    return found
 
 
 #: What is left of the misses of predictions, on the average between pixels: of waves on a lattice.
@@ -180,8 +183,4 @@ class LinearInterpolator(Interpolator):
 
     def slopes(self, at: Located, dac: Array, values: Array) -> Array:
         """Differentiate by both steps, shape (2, found, column)."""
-        count, of_vertices = len(self.mesh.vertices), self.mesh.of_vertices(values)
-        gradient = self.mesh.gradients(at.corner, dac)
-        return np.stack(
-            [rows_of(at.corner, gradient[..., a], count) @ of_vertices for a in range(2)]
-        )
+        return self.mesh.slopes(at, dac, self.mesh.of_vertices(values))

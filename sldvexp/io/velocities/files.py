@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sldvexp.errors import UserError, nearest
 from sldvexp.files import require_file
@@ -37,6 +38,7 @@ from sldvexp.io.velocities.table import (
     LineOfSight,
 )
 from sldvexp.io.velocities.texts import compare_texts
+from sldvexp.lazy import pandas as pd
 from sldvexp.typing import Array, IndexArray
 from sldvexp.units import LengthUnit, VelocityUnit
 
@@ -46,6 +48,8 @@ OPTIONAL = ("point", "frequency", "imag", "std", *AXES)
 WITH_UNIT = tuple(f"{axis}_{unit}" for axis in AXES for unit in LengthUnit.__members__)
 #: How many times as many cells as rows there may be, the others being missing.
 MOST_GAPS = 10
+#: Columns of text.
+NAMES = ("view", "point")
 #: Columns whose cells may be empty at points that were not measured.
 VALUES = ("real", "imag", "std")
 #: Least values, and what is said of smaller ones.
@@ -98,7 +102,12 @@ def read_csv(path: Path, unit: VelocityUnit | None, layout: FileLayout = OWN) ->
     table, units = _table(path, unit, layout, questions)
     factor = units.velocity or UNSTATED_VELOCITY.value
     hertz = units.frequency or UNSTATED_FREQUENCY
-    columns = {c: _checked(table, c, layout, questions) for c in table.header}
+    numbers = [c for c in table.header if c not in NAMES]
+    values = dict(zip(numbers, table.floats(numbers).T, strict=True))
+    columns = {
+        c: _checked(table, c, values[c], layout, questions) if c in values else _names(table, c)
+        for c in table.header
+    }
     keys = {c: columns[c] for c in ORDER if c in columns}
     labels, shape, where = _cells(table, keys, layout, questions)
     texts = ((f", line {line}", text) for line, text in table.comments)
@@ -106,9 +115,9 @@ def read_csv(path: Path, unit: VelocityUnit | None, layout: FileLayout = OWN) ->
     questions.done()
 
     def cube(column: str) -> Array:
-        values = np.full(np.prod(shape), np.nan)
-        values[where] = columns[column]
-        return values.reshape(shape)
+        cells = np.full(np.prod(shape), np.nan)
+        cells[where] = columns[column]
+        return cells.reshape(shape)
 
     velocity = cube("real") + 1j * cube("imag") if "imag" in columns else cube("real")
     std = cube("std") if "std" in columns else None
@@ -183,7 +192,7 @@ def _position(
 
 def _cells(
     table: TextTable,
-    keys: dict[str, list[str] | Array],
+    keys: dict[str, NDArray[Any]],
     layout: FileLayout,
     questions: Questions,
 ) -> tuple[list[list[Any]], tuple[int, ...], IndexArray]:
@@ -194,10 +203,12 @@ def _cells(
     UserError
         If a combination is there twice; if it is missing and none may be, that is asked about.
     """
-    nothing = [None], np.zeros(len(table.rows), int)
-    found = [_numbered(keys[c]) if c in keys else nothing for c in ORDER]
-    labels: list[list[Any]] = [axis for axis, _ in found]
-    position = [place for _, place in found]
+    labels: list[list[Any]] = [[None] for _ in ORDER]
+    position: list[IndexArray] = [np.zeros(len(table.rows), int) for _ in ORDER]
+    for k, c in enumerate(ORDER):
+        if c in keys:
+            position[k], once = pd.factorize(keys[c])
+            labels[k] = list(once)
     shape = tuple(len(axis) for axis in labels)
     where = np.ravel_multi_index(position, shape)
 
@@ -225,17 +236,6 @@ def _cells(
             "rows of the same points and frequencies"
         )
     return labels, shape, where
-
-
-def _numbered(keys: list[str] | Array) -> tuple[list[Any], IndexArray]:
-    """List labels once each, in the order of their rows, and find which of them every row has."""
-    if isinstance(keys, np.ndarray):
-        values, first, place = np.unique(keys, return_index=True, return_inverse=True)
-        order = np.argsort(first)
-        return list(values[order]), np.argsort(order)[place]
-    labels = list(dict.fromkeys(keys))
-    number = {label: i for i, label in enumerate(labels)}
-    return labels, np.fromiter(map(number.__getitem__, keys), np.intp, len(keys))
 
 
 def _table(
@@ -302,24 +302,26 @@ def _ask_the_rest(
             _ask_incomplete(f"{at}: {column} has no number", table.path, questions)
 
 
+def _names(table: TextTable, column: str) -> NDArray[np.object_]:
+    """Read a column of names, none of which may be empty."""
+    names = table.column(column)
+    if "" in names:
+        raise UserError(f"{table.where(names.index(''))}: {column} must be a name, not ''")
+    return np.array(names, object)
+
+
 def _checked(
-    table: TextTable, column: str, layout: FileLayout, questions: Questions
-) -> list[str] | Array:
-    """Read a column of names or of numbers; NaN where a value is missing.
+    table: TextTable, column: str, values: Array, layout: FileLayout, questions: Questions
+) -> Array:
+    """Check a column of numbers; NaN where a value is missing.
 
     Raises
     ------
     UserError
-        If a name is empty, or a number is not finite or too small; a missing value is asked about
-        unless it may be missing.
+        If a number is not finite or too small; a missing value is asked about unless it may be
+        missing.
     """
-    if column in ("view", "point"):
-        names = table.column(column)
-        if "" in names:
-            raise UserError(f"{table.where(names.index(''))}: {column} must be a name, not ''")
-        return names
     least, right = LEAST.get(column, (-np.inf, "must be a finite number"))
-    values = table.floats(column)
     known = np.isfinite(values) & (values >= least)
     if known.all():
         return values
