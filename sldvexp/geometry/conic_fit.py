@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -49,6 +50,9 @@ NUMBERS = 5
 
 #: Sets of five points from which the robust start takes the best.
 SUBSETS = 50
+
+#: Sets of points whose robust start is kept: those of the circles of a view.
+BEGINNINGS = 32
 
 #: Steps of Gauss-Newton, and the change at which it has settled, in units of the points' spread.
 STEPS, SETTLED = 50, 1e-10
@@ -111,6 +115,7 @@ def fit_ellipse(
     method: str = "likelihood",
     reject: float = 4.0,
     name: str = "the circle",
+    start: Ellipse | None = None,
 ) -> ConicFit:
     """Fit an ellipse through edge points, with outliers rejected.
 
@@ -129,6 +134,8 @@ def fit_ellipse(
         Points farther from the ellipse than this many standard errors are outliers.
     name : str
         Name of the circle in messages.
+    start : Ellipse, optional
+        Of nearly the same points, from which outliers are told in the place of the robust start.
 
     Raises
     ------
@@ -156,8 +163,10 @@ def fit_ellipse(
     mean, scale = place.mean(axis=0), float(np.sqrt(place.var(axis=0).sum()))
     along = None if direction is None else np.asarray(direction, float)
     points = ScaledPoints((place - mean) / scale, error / scale, along)
+    unit, shift = np.array([scale, scale, *[scale**2] * 3]), np.array([*mean, 0.0, 0.0, 0.0])
     try:
-        parameters, used = _without_outliers(points, method, reject, known=std is not None)
+        begin = (start.parameters - shift) / unit if start else least_quantile(points.position)
+        parameters, used = _without_outliers(points, method, reject, std is not None, begin)
     except NoEllipseError:
         seen = _seen(place, arc)
         raise UserError(
@@ -171,16 +180,14 @@ def fit_ellipse(
     if std is None:
         dof = np.count_nonzero(used) - NUMBERS
         variance = max(float(np.sum((distance / across)[used] ** 2)) / dof, ROUNDING**2)
-    unit = np.array([scale, scale, scale**2, scale**2, scale**2])
     change = unit[:, None] * gain(points[used], parameters, method)
-    shifted = unit * parameters + np.array([*mean, 0.0, 0.0, 0.0])
-    ellipse = Ellipse(shifted, variance * change @ change.T)
+    ellipse = Ellipse(unit * parameters + shift, variance * change @ change.T)
     _check_determined(ellipse, _seen(place[used], arc), name)
     return ConicFit(ellipse, scale * distance, np.sqrt(variance) * scale * across, used, arc)
 
 
 def _without_outliers(
-    points: ScaledPoints, method: str, reject: float, known: bool
+    points: ScaledPoints, method: str, reject: float, known: bool, parameters: Array
 ) -> tuple[Array, BoolArray]:
     """Fit, reject what is far, fit again, until the same points remain.
 
@@ -189,7 +196,6 @@ def _without_outliers(
     there: of few points those that count at all would else not come back.
     """
     least = 1.0 if known else ROUNDING
-    parameters = least_quantile(points.position)
     used = _near(points, parameters, reject, least)
     for _ in range(ROUNDS):
         parameters = METHODS[method](points[used], parameters)
@@ -379,7 +385,14 @@ def least_quantile(position: Array) -> Array:
 
     One point comes from each fifth of the turn about the mean, so that every ellipse is well
     determined; the members follow an additive recurrence, spread evenly and the same every time.
+    Errors do not count, so that fits of the same points with other errors begin at the same.
     """
+    return _least_quantile(position.shape, position.tobytes()).copy()
+
+
+@lru_cache(maxsize=BEGINNINGS)
+def _least_quantile(shape: tuple[int, ...], content: bytes) -> Array:
+    position = np.frombuffer(content).reshape(shape)
     turn = np.argsort(np.arctan2(position[:, 1], position[:, 0]))
     sectors = np.array_split(turn, NUMBERS)
     fraction = np.outer(np.arange(SUBSETS), np.sqrt([2.0, 3.0, 5.0, 7.0, 11.0])) % 1.0

@@ -17,7 +17,7 @@ from numpy.polynomial import polynomial
 from numpy.typing import ArrayLike
 
 from sldvexp.errors import UserError
-from sldvexp.geometry import BitangentPoints, ConicFit, fit_ellipse
+from sldvexp.geometry import BitangentPoints, ConicFit, Ellipse, fit_ellipse
 from sldvexp.geometry.conic import distance_jacobian, shape_matrix, signed_distance
 from sldvexp.image.scan_lines import ScanLineEdges
 from sldvexp.image.spot import seen_edges, spot_of_widths
@@ -213,6 +213,22 @@ def fit_circle(edges: ScanLineEdges, method: str = "likelihood") -> tuple[ConicF
         raise UserError(f"{error} (seen: {edges.summary()})") from None
 
 
+def require_ellipse(edges: ScanLineEdges) -> None:
+    """Complain about edges that make no ellipse; a third of what `fit_circle` takes.
+
+    The spot, which moves all edges by fractions of its width, is left aside.
+
+    Raises
+    ------
+    UserError
+        As `fit_circle` does.
+    """
+    try:
+        _fit(edges, "likelihood")
+    except UserError as error:
+        raise UserError(f"{error} (seen: {edges.summary()})") from None
+
+
 def _with_growth(fit: ConicFit, edges: ScanLineEdges) -> ConicFit:
     """Add the error of the motion's growth, which all edges share, to that of the ellipse."""
     if edges.growth_std is None:
@@ -268,9 +284,9 @@ def _freed(edges: ScanLineEdges, method: str) -> tuple[ConicFit, ScanLineEdges]:
         most = float(np.max(change / edges.std))
         if most > last:
             open_ = replace(moved, std=np.hypot(edges.std, change))
-            return _fit(open_, method), open_
+            return _fit(open_, method, fit.ellipse), open_
         moved = _moved(edges, -offset)
-        fit, last = _fit(moved, method), most
+        fit, last = _fit(moved, method, fit.ellipse), most
         # The next change is about this one times by how much the profile is not a straight
         # edge's: for a sharp spot one round is enough.
         if most * np.abs(widening - 1.0).max() <= SETTLED:
@@ -320,5 +336,8 @@ def _to_ellipse(edges: ScanLineEdges, numbers: Array) -> Array:
     return np.where(nearest > 0, nearest - half, nearest + half)
 
 
-def _fit(edges: ScanLineEdges, method: str) -> ConicFit:
-    return fit_ellipse(edges.position, edges.std, edges.direction, method=method, name=edges.name)
+def _fit(edges: ScanLineEdges, method: str, start: Ellipse | None = None) -> ConicFit:
+    place = edges.position, edges.std, edges.direction
+    if method != "likelihood":  # Eq 4.19 is weighted by how lines cross the start
+        start = None
+    return fit_ellipse(*place, method=method, name=edges.name, start=start)

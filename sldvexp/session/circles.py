@@ -27,6 +27,7 @@ from sldvexp.image import (
     pixel_edges,
     profile_edges,
 )
+from sldvexp.image.pinhole import require_ellipse
 from sldvexp.image.scan_lines import LEAST_PIXELS
 from sldvexp.laser import TwoMirror
 from sldvexp.lazy import xarray as xr
@@ -191,7 +192,7 @@ def _edges(
     image = camera.image(key, list(dac))
     found = even_edges(_lines(image, dac, name), PLACE[scan.edge], scan.fine.window)
     try:
-        fit_circle(found)
+        require_ellipse(found)
     except UserError as error:
         require_instrument(image, look.name, camera.journal.folder / f"{key}_*", MANY)
         if look.shade:

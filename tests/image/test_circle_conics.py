@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from sldvexp.errors import UserError
 from sldvexp.geometry import conic, fit_ellipse
 from sldvexp.image import fit_circle, gradient_edges, profile_edges
 from sldvexp.image.edge_detection import COARSE_WINDOW, FINE_WINDOW
+from sldvexp.image.pinhole import require_ellipse
 
 Make = Callable[..., Any]
 METHODS = {"gradient": gradient_edges, "profile": profile_edges}
@@ -92,3 +94,18 @@ def test_half_a_circle_is_named_with_what_was_seen(spot: Make) -> None:
         match=r"^circle 2: its 12 edge points, over \d+ deg of arc .* \(seen: 12 edges on 12 scan",
     ):
         fit_circle(edges)
+
+
+def test_edges_that_make_no_ellipse_are_refused_before_they_are_freed_from_the_spot(
+    spot: Make,
+) -> None:
+    scene = spot(width=2.5, noise=0.001)
+    edges = profile_edges(scene.scan(scene.fine()), 1, FINE_WINDOW)
+    require_ellipse(edges)
+    line = replace(edges, position=edges.position * [1.0, 0.0])
+    told = []
+    for complain in (fit_circle, require_ellipse):
+        with pytest.raises(UserError, match="no ellipse") as error:
+            complain(line)
+        told.append(str(error.value))
+    assert told[0] == told[1]
