@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from types import ModuleType
 
 import pytest
+from hydra import version
 from hydra._internal import config_loader_impl, defaults_list
 from hydra._internal.config_loader_impl import ConfigLoaderImpl
 from hydra._internal.utils import create_config_search_path
@@ -54,6 +55,7 @@ class Unions:
 @pytest.fixture(scope="module")
 def loaders():
     path = create_config_search_path(str(conf_dir()))
+    version.setbase("1.3")  # as a command does: the last one in this process may not have
     return RememberingLoader(path), ConfigLoaderImpl(path)
 
 
