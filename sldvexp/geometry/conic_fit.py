@@ -115,7 +115,6 @@ def fit_ellipse(
     method: str = "likelihood",
     reject: float = 4.0,
     name: str = "the circle",
-    start: Ellipse | None = None,
 ) -> ConicFit:
     """Fit an ellipse through edge points, with outliers rejected.
 
@@ -134,8 +133,6 @@ def fit_ellipse(
         Points farther from the ellipse than this many standard errors are outliers.
     name : str
         Name of the circle in messages.
-    start : Ellipse, optional
-        Of nearly the same points, from which outliers are told in the place of the robust start.
 
     Raises
     ------
@@ -163,10 +160,8 @@ def fit_ellipse(
     mean, scale = place.mean(axis=0), float(np.sqrt(place.var(axis=0).sum()))
     along = None if direction is None else np.asarray(direction, float)
     points = ScaledPoints((place - mean) / scale, error / scale, along)
-    unit, shift = np.array([scale, scale, *[scale**2] * 3]), np.array([*mean, 0.0, 0.0, 0.0])
     try:
-        begin = (start.parameters - shift) / unit if start else least_quantile(points.position)
-        parameters, used = _without_outliers(points, method, reject, std is not None, begin)
+        parameters, used = _without_outliers(points, method, reject, known=std is not None)
     except NoEllipseError:
         seen = _seen(place, arc)
         raise UserError(
@@ -180,14 +175,16 @@ def fit_ellipse(
     if std is None:
         dof = np.count_nonzero(used) - NUMBERS
         variance = max(float(np.sum((distance / across)[used] ** 2)) / dof, ROUNDING**2)
+    unit = np.array([scale, scale, scale**2, scale**2, scale**2])
     change = unit[:, None] * gain(points[used], parameters, method)
-    ellipse = Ellipse(unit * parameters + shift, variance * change @ change.T)
+    shifted = unit * parameters + np.array([*mean, 0.0, 0.0, 0.0])
+    ellipse = Ellipse(shifted, variance * change @ change.T)
     _check_determined(ellipse, _seen(place[used], arc), name)
     return ConicFit(ellipse, scale * distance, np.sqrt(variance) * scale * across, used, arc)
 
 
 def _without_outliers(
-    points: ScaledPoints, method: str, reject: float, known: bool, parameters: Array
+    points: ScaledPoints, method: str, reject: float, known: bool
 ) -> tuple[Array, BoolArray]:
     """Fit, reject what is far, fit again, until the same points remain.
 
@@ -196,6 +193,7 @@ def _without_outliers(
     there: of few points those that count at all would else not come back.
     """
     least = 1.0 if known else ROUNDING
+    parameters = least_quantile(points.position)
     used = _near(points, parameters, reject, least)
     for _ in range(ROUNDS):
         parameters = METHODS[method](points[used], parameters)

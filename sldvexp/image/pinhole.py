@@ -17,7 +17,7 @@ from numpy.polynomial import polynomial
 from numpy.typing import ArrayLike
 
 from sldvexp.errors import UserError
-from sldvexp.geometry import BitangentPoints, ConicFit, Ellipse, fit_ellipse
+from sldvexp.geometry import BitangentPoints, ConicFit, fit_ellipse
 from sldvexp.geometry.conic import distance_jacobian, shape_matrix, signed_distance
 from sldvexp.image.scan_lines import ScanLineEdges
 from sldvexp.image.spot import seen_edges, spot_of_widths
@@ -284,9 +284,9 @@ def _freed(edges: ScanLineEdges, method: str) -> tuple[ConicFit, ScanLineEdges]:
         most = float(np.max(change / edges.std))
         if most > last:
             open_ = replace(moved, std=np.hypot(edges.std, change))
-            return _fit(open_, method, fit.ellipse), open_
+            return _fit(open_, method), open_
         moved = _moved(edges, -offset)
-        fit, last = _fit(moved, method, fit.ellipse), most
+        fit, last = _fit(moved, method), most
         # The next change is about this one times by how much the profile is not a straight
         # edge's: for a sharp spot one round is enough.
         if most * np.abs(widening - 1.0).max() <= SETTLED:
@@ -336,8 +336,5 @@ def _to_ellipse(edges: ScanLineEdges, numbers: Array) -> Array:
     return np.where(nearest > 0, nearest - half, nearest + half)
 
 
-def _fit(edges: ScanLineEdges, method: str, start: Ellipse | None = None) -> ConicFit:
-    place = edges.position, edges.std, edges.direction
-    if method != "likelihood":  # Eq 4.19 is weighted by how lines cross the start
-        start = None
-    return fit_ellipse(*place, method=method, name=edges.name, start=start)
+def _fit(edges: ScanLineEdges, method: str) -> ConicFit:
+    return fit_ellipse(edges.position, edges.std, edges.direction, method=method, name=edges.name)

@@ -278,8 +278,10 @@ def test_search_each_circle_and_the_image_are_pictures_that_hold_all_their_lines
     assert searches < 12  # of some hundred rings: it is not begun anew for each
     seen.look()
     parts = [(h, body) for h, body in seen.parts if h["picture"] == "image" and "tall" in h]
-    assert len(parts) == 6
     header = begun[-1]
+    assert sum(part["arrays"][0][1] for part, _ in parts) == 2 * np.prod(
+        rough.scan.structure.pixels
+    )
     for part, body in parts:
         dac = np.frombuffer(body, "<i4", part["arrays"][0][1]).reshape(-1, 2)
         assert ((dac >= header["low"]) & (dac <= header["high"])).all()

@@ -165,22 +165,6 @@ def test_edges_far_off_do_not_pull_the_start() -> None:
     assert fit.ellipse.parameters == pytest.approx(ELLIPSE, rel=1e-9)
 
 
-def test_fit_that_begins_at_another_of_nearly_the_same_edges_ends_where_one_alone_does() -> None:
-    rng = np.random.default_rng(3)
-    turn = np.linspace(0.0, 2 * np.pi, 40, endpoint=False)
-    place = np.stack([900 + 40 * np.cos(turn), -700 + 25 * np.sin(turn)], axis=-1)
-    place += rng.normal(scale=0.05, size=place.shape)
-    outward = np.stack([np.cos(turn), np.sin(turn)], axis=-1)
-    place[[3, 17]] += 4.0 * outward[[3, 17]]
-    moved = place + 0.02 * outward
-    alone = fit_ellipse(moved, 0.05)
-    after = fit_ellipse(moved, 0.05, start=fit_ellipse(place, 0.05).ellipse)
-    assert np.flatnonzero(~alone.used).tolist() == [3, 17]
-    assert np.array_equal(alone.used, after.used)
-    error = np.sqrt(np.diag(alone.ellipse.covariance))
-    assert np.abs((after.ellipse.parameters - alone.ellipse.parameters) / error).max() < 1e-6
-
-
 def test_start_of_the_same_edges_is_found_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """Whatever their errors are; changing what was given changes nothing for the next fit."""
     asked = []

@@ -52,7 +52,7 @@ def test_failing_page_does_not_lose_the_run(sldvexp, pages, monkeypatch):
     def fail(*_):
         raise MemoryError("no room")
 
-    monkeypatch.setattr("sldvexp.report.html.run_page.write", fail)
+    monkeypatch.setattr("sldvexp.report.html.run_page.write_of", fail)
     done = sldvexp(POINT)
     assert done.status == 0
     assert done.err.startswith("sldvexp: report: was not made (MemoryError: no room); the results")
