@@ -253,6 +253,7 @@ def test_reference_is_shown_of_the_same_look(page):
     page.until(lambda: page.js("return document.getElementById('map').cells.count") > 300)
     page.key("l")
     page.until(lambda: page.text("look") == "Look")
+    page.come_to((30, 40))  # what is told of the beam comes after the last part of the look
     count = page.js("return document.getElementById('map').cells.count")
     for unit, low, high in (("V", 0.9, 1.2), ("mm/s", 3, 100)):
         page.js("document.getElementById('shown').focus()")
