@@ -106,6 +106,31 @@ def test_edge_of_the_structure_beside_the_surface_is_no_drop_out():
     assert not set(np.flatnonzero(drop_outs(view, every))) <= CORNERS
 
 
+#: An image of a plate's rim that lies askew to its lines, 0.01 mm/s.
+ASKEW = [
+    [-7, 1, 1, -2, 0, 1, 3, -1, -2, -5],
+    [-4, 1, -1, 1, -2, 4, 1, 33, 104, 175],
+    [-1, -2, -5, 1, 25, 89, 154, 227, 305, 365],
+    [4, 22, 72, 135, 200, 272, 343, 417, 489, 562],
+    [107, 164, 230, 301, 382, 451, 524, 600, 670, 736],
+    [227, 306, 378, 453, 531, 612, 688, 761, 828, 897],
+]
+
+
+def test_a_pixel_between_both_sides_of_a_rim_is_no_drop_out():
+    """It is no mean of two opposite ones, as the rim passes nearer to one of them."""
+    dac = np.stack(np.meshgrid(65 * np.arange(6), 46 * np.arange(10), indexing="ij"), axis=-1)
+    values = 1e-5 * np.array(ASKEW, complex).reshape(-1, 1)
+    view = View.from_arrays(
+        "a", np.eye(3), [0, 0, 0], values, 3e-5, dac=dac.reshape(-1, 2), shape=(6, 10)
+    )
+    inside = np.flatnonzero(np.ravel(ASKEW) > 500)
+    assert not drop_outs(view, np.arange(60), inside).any()
+    values[24] = 2e-3j
+    spoiled = replace(view, velocity=values)  # in another phase it is on neither side
+    assert np.flatnonzero(drop_outs(spoiled, np.arange(60), inside)).tolist() == [24]
+
+
 def test_drop_outs_beside_the_surface_are_found():
     rng, every = np.random.default_rng(1), np.arange(625)
     view, inside = plate_on_a_wall(rng)

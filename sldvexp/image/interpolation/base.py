@@ -78,7 +78,10 @@ def spread(matrix: scipy.sparse.csr_array, rows: IndexArray, count: int) -> scip
 def rows_of(
     column: IndexArray | NDArray[np.int32], weight: Array, columns: int
 ) -> scipy.sparse.csr_array:
-    """Make a matrix with these weights, shape (row, n), in so many columns."""
+    """Make a matrix with these weights, shape (row, n), in so many columns.
+
+    It has the weights' own memory, whose rows a product with it may sort.
+    """
     rows, each = column.shape
     start = np.arange(0, rows * each + 1, each, dtype=np.int32)
     index = column.ravel().astype(np.int32)
