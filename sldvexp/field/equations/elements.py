@@ -296,7 +296,7 @@ def _pixels_of_nodes(
     of_triangles = _ones(samples.swapaxes(0, 1).ravel(), ends, weights.shape[0])
     known = _ones(weights.indices, weights.indptr, weights.shape[1])
     near = numbered(of_triangles @ known)
-    triangle = np.tile(np.repeat(np.arange(triangles, dtype=np.int32), points), gaps)
+    triangle = np.tile(np.repeat(np.arange(triangles), points), gaps)
     row = np.repeat(triangle, np.diff(weights.indptr))
     seen = numbers_at(near, row, weights.indices)
     at_corners = _ones(patch.corner.ravel(), 3 * np.arange(triangles + 1), len(patch.nodes))
@@ -313,7 +313,7 @@ def _ones(indices: IndexArray, indptr: IndexArray, columns: int) -> scipy.sparse
 
 
 def numbered(matrix: scipy.sparse.csr_array) -> scipy.sparse.csr_array:
-    """Number the places of a matrix, row by row and sorted."""
+    """Give the places of a matrix numbers, row by row and sorted."""
     matrix.sort_indices()
     entries = np.arange(len(matrix.indices)), matrix.indices, matrix.indptr
     return scipy.sparse.csr_array(entries, shape=matrix.shape)
