@@ -60,14 +60,14 @@ def project_with_directions(points: Array, mirror_offset: float) -> tuple[Array,
     >>> angles.round(4), directions.round(4)
     (array([[0.0997, 0.049 ]]), array([[-0.049 , -0.0994, -0.9938]]))
     """
-    x, y, z = points.T.copy()
+    x, y, z = np.ascontiguousarray(points.T)
     radius = np.sqrt(y * y + z * z)
     reach = radius + mirror_offset
     distance = np.sqrt(x * x + reach * reach)
     angles = np.stack([np.arctan2(y, z), np.arctan2(x, reach)], axis=-1)
     with np.errstate(divide="ignore", invalid="ignore"):
         turned = reach / (distance * radius)
-        directions = -np.stack([x / distance, turned * y, turned * z], axis=-1)
+        directions = -np.stack([x / distance, turned * y, turned * z]).T
     if not radius.all():  # on the axis of a mirror, where an angle is taken to be 0
         directions[radius == 0] = direction_cosines(angles[radius == 0])
     return angles, directions

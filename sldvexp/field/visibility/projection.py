@@ -53,7 +53,8 @@ class ViewSamples:
     valid : ndarray of bool, shape (sample,)
         Where the view has a velocity.
     directions : ndarray, shape (sample, 3)
-        Unit vectors from the surface to the instrument, ``v = V . D``, in world axes.
+        Unit vectors from the surface to the instrument, ``v = V . D``, in world axes; a component
+        of all samples is contiguous.
     weights : csr_array, shape (sample, pixel)
         Of the pixels' velocities; rows are empty where not `valid`.
     located : Located
@@ -198,7 +199,7 @@ def sight(view: View, laser: TwoMirror, points: Array) -> ProjectedPoints:
     """
     count, own = len(points), view.laser(laser)
     flags = np.empty((2, count), bool)
-    found = ProjectedPoints(np.empty((count, 2)), *flags, np.empty((count, 3)))
+    found = ProjectedPoints(np.empty((count, 2)), *flags, np.empty((3, count)).T)
     for first in range(0, count, POINTS_AT_ONCE):
         some = slice(first, first + POINTS_AT_ONCE)
         for every, here in zip(found, _sight(view, own, points[some]), strict=True):
@@ -215,12 +216,18 @@ def _sight(view: View, laser: TwoMirror, points: Array) -> ProjectedPoints:
     off_board = ~behind & ~laser.reaches(angles)
     dac = laser.dac_from_angle(np.clip(angles, low, high))
     dac[behind | off_board] = np.nan
-    return ProjectedPoints(dac, behind, off_board, directions @ view.rotation)
+    in_world = (view.rotation.T @ directions.T).T
+    return ProjectedPoints(dac, behind, off_board, in_world)
 
 
 def to_laser(view: View, points: Array) -> Array:
-    """Turn points into the view's laser frame, ``R (P - origin)``, shape (point, 3), m."""
-    return points @ view.rotation.T - view.rotation @ view.origin
+    """Turn points into the view's laser frame, ``R (P - origin)``, shape (point, 3), m.
+
+    A coordinate of all points is contiguous.
+    """
+    turned: Array = view.rotation @ points.T
+    turned -= (view.rotation @ view.origin)[:, None]
+    return turned.T
 
 
 def angle_slope(laser: TwoMirror, dac: Array) -> Array:
