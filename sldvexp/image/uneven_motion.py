@@ -32,7 +32,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sldvexp.errors import UserError
-from sldvexp.geometry.blurred_disc import part_of_disc
+from sldvexp.geometry.blurred_disc import part_and_changes
 from sldvexp.geometry.conic import shape_matrix
 from sldvexp.image.pinhole import fit_circle, lines_at_ellipse
 from sldvexp.image.scan_lines import ScanLineEdges, ScanLines
@@ -49,8 +49,8 @@ SPOT = 1.0
 ROUNDS = 2
 #: Pixels farther from the model than this many robust standard deviations do not count.
 REJECT = 4.0
-#: Nodes of the light, exact to 1e-5 of it; steps of derivatives, in widths of the spot.
-NODES, STEP = 32, 0.05
+#: Nodes of the light, exact to 1e-5 of it.
+NODES = 32
 
 
 @dataclass(frozen=True, eq=False)
@@ -257,21 +257,18 @@ def _parts(
     -------
     part : ndarray, shape (n, pixel)
     by_place : ndarray, shape (n, pixel)
-        By a step along the scan line, in any unit.
+        Along the scan line.
     by_spot : ndarray, shape (n, pixel, 3)
         By the spot's variances and covariance, relative to its mean variance.
     """
     to_disc = np.linalg.inv(np.linalg.cholesky(shape_matrix(numbers)))
     variance = float(np.trace(spot)) / 2.0
-    step = STEP * np.sqrt(variance) * direction[:, None]
-
-    def part(away: Array, spot: Array) -> Array:
-        return part_of_disc(away @ to_disc.T, to_disc @ spot @ to_disc.T, NODES)
-
-    middle = part(away, spot)
-    changes = STEP * variance * np.array([[[1, 0], [0, 0]], [[0, 0], [0, 1]], [[0, 0.5], [0.5, 0]]])
-    by_spot = [(part(away, spot + c) - part(away, spot - c)) / (2.0 * STEP) for c in changes]
-    return middle, part(away + step, spot) - part(away - step, spot), np.stack(by_spot, axis=-1)
+    part, gradient, second = part_and_changes(
+        away @ to_disc.T, to_disc @ spot @ to_disc.T, NODES
+    )
+    by_place = ((gradient @ to_disc) * direction[:, None]).sum(axis=-1)
+    by_light = variance / 2.0 * (to_disc.T @ second @ to_disc)
+    return part, by_place, by_light[..., [0, 1, 0], [0, 1, 1]]
 
 
 def _solve(
