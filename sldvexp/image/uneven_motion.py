@@ -151,7 +151,7 @@ def _growth_std(
     noisy = [replace(even, magnitude=even.magnitude + field) for field in fields]
     uneven = [growth.evened(lines, beside) for beside in root.T]
     own, by_growth = (
-        np.stack([_shift(edges, find(one), len(lines.std)) for one in each], axis=-1)
+        np.stack([_shift(find, edges, even, one) for one in each], axis=-1)
         for each in (noisy, uneven)
     )
     std = edges.std[:, None]
@@ -160,10 +160,24 @@ def _growth_std(
     return np.asarray(by_growth @ axes * np.sqrt(np.maximum(size, 0.0)))
 
 
-def _shift(edges: ScanLineEdges, others: ScanLineEdges, lines: int) -> Array:
-    """Measure how far ahead on the same lines other edges are, none where there is none."""
-    ahead, is_there = np.zeros((lines, 2)), np.zeros(lines, bool)
-    ahead[others.line], is_there[others.line] = others.position, True
+def _shift(
+    find: Callable[[ScanLines], ScanLineEdges],
+    edges: ScanLineEdges,
+    lines: ScanLines,
+    others: ScanLines,
+) -> Array:
+    """Measure how far ahead other magnitudes of the same lines move edges, shape (n,), steps.
+
+    To first order, if it is known how each pixel moves them: pixels that come to count, or to stand
+    out, with the change are none of the error's doing. Otherwise edges are found anew, and one that
+    is not found did not move.
+    """
+    if edges.gain is not None:
+        change = np.where(lines.flag, 0.0, others.magnitude - lines.magnitude)
+        return np.asarray((edges.gain * change[edges.line]).sum(axis=-1))
+    found = find(others)
+    ahead, is_there = np.zeros((len(lines.std), 2)), np.zeros(len(lines.std), bool)
+    ahead[found.line], is_there[found.line] = found.position, True
     away = np.sum((ahead[edges.line] - edges.position) * edges.direction, axis=-1)
     return np.where(is_there[edges.line], away, 0.0)
 
