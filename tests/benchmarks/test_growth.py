@@ -27,7 +27,7 @@ SIDES, PAGE_SECONDS, PAGE_MEGABYTES = (380, 264) if FULL_SIZE else (8, 6), 10.0,
 FUNCTIONS, FUNCTIONS_SECONDS = 100_000 if FULL_SIZE else 20, 5.0
 ROWS = 1_000_000 if FULL_SIZE else 50
 #: A whole run of a table, over making numbers of its cells with the module csv, each the least of
-#: three that take turns: 1.02 and 1.13 as measured. And its memory, MB.
+#: three that take turns: 1.08 as measured, 4.0 s. And its memory, MB.
 ROWS_RATIO, ROWS_MEGABYTES, TURNS = 1.3, 450.0, 3 if FULL_SIZE else 1
 
 pytestmark = pytest.mark.skipif(
