@@ -159,6 +159,7 @@ def project_samples(
         _among(weights.flagged, kept, len(points)),
     )
     value = spread(weights.value, kept, len(points))
+    value.sort_indices()  # now, and not when somebody needs it: sums keep their order
     return ViewSamples(valid, found.directions, value, located, interpolator, found.dac, lost)
 
 
