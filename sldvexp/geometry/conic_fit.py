@@ -165,7 +165,7 @@ def fit_ellipse(
     along = None if direction is None else np.asarray(direction, float)
     points = ScaledPoints((place - mean) / scale, error / scale, along)
     try:
-        begin = start and _scaled(start, mean, scale)
+        begin = None if start is None else _scaled(start, mean, scale)
         parameters, used = _without_outliers(points, method, reject, std is not None, begin)
     except NoEllipseError:
         seen = _seen(place, arc)
@@ -343,7 +343,8 @@ def algebraic_conic(position: Array, std: ArrayLike = 1.0) -> Array:
     """
     weight = 1.0 / np.broadcast_to(std, position.shape[:-1])
     rows = weight[..., None] * _data(position)
-    return _conic(-(np.linalg.pinv(rows) @ weight[..., None])[..., 0])
+    found: Array = -(np.linalg.pinv(rows) @ weight[..., None])[..., 0]
+    return _conic(found)
 
 
 def _conic(numbers: Array) -> Array:
@@ -359,7 +360,7 @@ def _through(position: Array) -> Array:
         found = np.linalg.solve(_data(position), np.full((*position.shape[:-1], 1), -1.0))
     except np.linalg.LinAlgError:  # of points that coincide
         return algebraic_conic(position)
-    return _conic(found[..., 0])
+    return _conic(np.asarray(found[..., 0], float))
 
 
 def algebraic(points: ScaledPoints, start: Array) -> Array:

@@ -53,7 +53,8 @@ def write_arrays(file: BinaryIO, **arrays: NDArray[np.generic]) -> None:
     if sum(array.nbytes for array in arrays.values()) > LARGEST:
         np.savez(file, **arrays)  # type: ignore[arg-type]
         return
-    parts, entries, at = [], [], 0
+    parts: list[bytes | memoryview] = []
+    entries, at = [], 0
     for name, array in arrays.items():
         content = np.ascontiguousarray(array).reshape(array.shape)
         head, data = _head(content.dtype, content.shape), content.reshape(-1).view(np.uint8).data
