@@ -13,6 +13,7 @@ from hydra import version
 from hydra._internal import config_loader_impl, defaults_list
 from hydra._internal.config_loader_impl import ConfigLoaderImpl
 from hydra._internal.utils import create_config_search_path
+from hydra.errors import ConfigCompositionException
 from hydra.types import RunMode
 from omegaconf import Container, DictConfig, OmegaConf, open_dict
 
@@ -93,6 +94,13 @@ def test_what_is_refused(loaders, overrides):
             loader.load_configuration("config", list(overrides), RunMode.RUN)
         told.append((type(caught.value), str(caught.value)))
     assert told[0] == told[1]
+
+
+def test_nothing_is_composed_anew_for_a_value_that_is_wrong(loaders, monkeypatch):
+    loaders[0].load_configuration("config", ["experiment=point"], RunMode.RUN)
+    monkeypatch.setattr(ConfigLoaderImpl, "_load_configuration_impl", None)
+    with pytest.raises(ConfigCompositionException, match="Could not override 'sead'"):
+        loaders[0].load_configuration("config", ["experiment=point", "sead=3"], RunMode.RUN)
 
 
 def test_names_that_are_numbers(loaders):
