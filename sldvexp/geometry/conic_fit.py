@@ -115,6 +115,7 @@ def fit_ellipse(
     method: str = "likelihood",
     reject: float = 4.0,
     name: str = "the circle",
+    start: ConicFit | None = None,
 ) -> ConicFit:
     """Fit an ellipse through edge points, with outliers rejected.
 
@@ -133,6 +134,9 @@ def fit_ellipse(
         Points farther from the ellipse than this many standard errors are outliers.
     name : str
         Name of the circle in messages.
+    start : ConicFit, optional
+        Of the same points, a little elsewhere; its ellipse and its outliers are where this fit
+        begins.
 
     Raises
     ------
@@ -161,7 +165,8 @@ def fit_ellipse(
     along = None if direction is None else np.asarray(direction, float)
     points = ScaledPoints((place - mean) / scale, error / scale, along)
     try:
-        parameters, used = _without_outliers(points, method, reject, known=std is not None)
+        begin = start and _scaled(start, mean, scale)
+        parameters, used = _without_outliers(points, method, reject, std is not None, begin)
     except NoEllipseError:
         seen = _seen(place, arc)
         raise UserError(
@@ -175,16 +180,30 @@ def fit_ellipse(
     if std is None:
         dof = np.count_nonzero(used) - NUMBERS
         variance = max(float(np.sum((distance / across)[used] ** 2)) / dof, ROUNDING**2)
-    unit = np.array([scale, scale, scale**2, scale**2, scale**2])
-    change = unit[:, None] * gain(points[used], parameters, method)
+    unit = _unit(scale)
+    change = unit[:, None] * gain(points[used], normal[used], parameters, method)
     shifted = unit * parameters + np.array([*mean, 0.0, 0.0, 0.0])
     ellipse = Ellipse(shifted, variance * change @ change.T)
     _check_determined(ellipse, _seen(place[used], arc), name)
     return ConicFit(ellipse, scale * distance, np.sqrt(variance) * scale * across, used, arc)
 
 
+def _unit(scale: float) -> Array:
+    """Give the five numbers of an ellipse in units of a spread of points."""
+    return np.array([scale, scale, scale**2, scale**2, scale**2])
+
+
+def _scaled(fit: ConicFit, mean: Array, scale: float) -> tuple[Array, BoolArray]:
+    """Give an ellipse in units of the points' spread, relative to their mean; which it used."""
+    return (fit.ellipse.parameters - np.array([*mean, 0.0, 0.0, 0.0])) / _unit(scale), fit.used
+
+
 def _without_outliers(
-    points: ScaledPoints, method: str, reject: float, known: bool
+    points: ScaledPoints,
+    method: str,
+    reject: float,
+    known: bool,
+    begin: tuple[Array, BoolArray] | None,
 ) -> tuple[Array, BoolArray]:
     """Fit, reject what is far, fit again, until the same points remain.
 
@@ -193,8 +212,11 @@ def _without_outliers(
     there: of few points those that count at all would else not come back.
     """
     least = 1.0 if known else ROUNDING
-    parameters = least_quantile(points.position)
-    used = _near(points, parameters, reject, least)
+    if begin is None:
+        parameters = least_quantile(points.position)
+        used = _near(points, parameters, reject, least)
+    else:
+        parameters, used = begin
     for _ in range(ROUNDS):
         parameters = METHODS[method](points[used], parameters)
         near = _near(points, parameters, reject, least, used)
@@ -358,13 +380,12 @@ METHODS: dict[str, Callable[[ScaledPoints, Array], Array]] = {
 }
 
 
-def gain(points: ScaledPoints, parameters: Array, method: str) -> Array:
+def gain(points: ScaledPoints, normal: Array, parameters: Array, method: str) -> Array:
     """Differentiate the five numbers by each point's error in standard errors, shape (5, n).
 
     Of the likelihood, the pseudoinverse of the distances' derivative; of Eq 4.19, where a point
     that moves by d across the edge changes its row by ``|gradient| d``, that of [Data].
     """
-    _, normal = signed_distance(points.position, parameters)
     weight = 1.0 / points.across(normal)
     if method == "likelihood":
         jacobian = weight[:, None] * distance_jacobian(normal, parameters)

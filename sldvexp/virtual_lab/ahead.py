@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from sldvexp.instrument import InstrumentError
 from sldvexp.typing import Array, IntArray
-from sldvexp.virtual_lab.electronics import PixelNoise
+from sldvexp.virtual_lab.electronics import UNIFORMS, PixelNoise
 from sldvexp.virtual_lab.pointing import MirrorPath
 
 #: Pixels computed at once, filled up if they are fewer: arithmetic in arrays of one shape gives a
@@ -143,6 +143,10 @@ def drawn(
     noise: PixelNoise, stretches: Sequence[Stretch], samples: int
 ) -> tuple[Array, NDArray[np.float32]]:
     """Draw the random numbers of pixels, each its own; see `PixelNoise.draw`."""
-    found = [noise.draw(*stretch, samples) for stretch in stretches]
-    uniform, normal = zip(*found, strict=True)
-    return np.concatenate(uniform), np.concatenate(normal)
+    ends = np.cumsum([stretch.pixels for stretch in stretches]).tolist()
+    uniform = np.empty((ends[-1], UNIFORMS))
+    normal = np.empty((ends[-1], 2, samples), np.float32)
+    for stretch, end in zip(stretches, ends, strict=True):
+        own = slice(end - stretch.pixels, end)
+        noise.fill(stretch.stream, stretch.first, uniform[own], normal[own])
+    return uniform, normal

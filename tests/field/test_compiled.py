@@ -66,7 +66,7 @@ def solved(visibility: VolumeVisibility, method: Reconstruction) -> FieldResult:
     return solve_field(visibility, method, Iterative())
 
 
-@pytest.mark.one_in(2)
+@pytest.mark.one_in(4)
 @pytest.mark.parametrize("method", METHODS.values(), ids=METHODS)
 @pytest.mark.parametrize("by", ["python", pytest.param("numba", marks=pytest.mark.whole)])
 def test_kernels_give_what_sparse_matrices_do(

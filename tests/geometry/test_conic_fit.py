@@ -21,7 +21,7 @@ STD = 0.3
 SHAPES = {"slender": SLENDER, "round": ELLIPSE}
 #: Repeats of a statistical test; its bounds are 4.5 standard errors, of a standard deviation
 #: 1 / sqrt(2 n) and of a mean 1 / sqrt(n).
-COUNT = 200
+COUNT = 80
 #: The dissertation's fine lines.
 LINES = 44
 

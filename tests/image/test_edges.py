@@ -76,7 +76,7 @@ def expected_std(width: float, noise: float) -> float:
 
 @pytest.mark.parametrize("width", [0.6, 1.5, 2.5])
 def test_profile_is_unbiased_and_as_good_as_its_stated_errors(width: float) -> None:
-    count = 3000
+    count = 1000
     edge = np.random.default_rng(1).uniform(-4.0, 4.0, count)
     found = profile_edges(lines_with_edges(edge, width), 1, FINE_WINDOW)
     error = errors(found, edge) / found.std

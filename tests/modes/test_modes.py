@@ -102,11 +102,12 @@ def test_modes_of_little_motion_are_found():
         assert frequency == pytest.approx(FREQUENCY, rel=2e-3), seed
 
 
-@pytest.mark.one_in(3)
+@pytest.mark.one_in(6)
+@pytest.mark.parametrize("seeds", [1, 2])
 @pytest.mark.parametrize(("gap", "noise"), [(10.0, 0.2), (2.0, 0.1), (1.0, 0.05)])
-def test_two_modes_closer_than_the_lines_are_both_found(gap, noise):
+def test_two_modes_closer_than_the_lines_are_both_found(gap, noise, seeds):
     frequency = np.array([197.0, 545.0, 545.0 + gap, 842.0])
-    for seed in range(2):
+    for seed in range(seeds):
         found = identified(session(seed, noise, pixels=500, frequency=frequency, damping=0.01)[0])
         error = poles(found)[0] - frequency
         assert np.abs(error / found.modes["natural_frequency_std"].values).max() < 4.5
@@ -120,8 +121,9 @@ def test_shapes_of_close_modes_that_may_be_mixed_are_told():
     assert told[0].size == pytest.approx(found.modes["mixing_std"].values[:, [0, 1], [1, 0]].max())
 
 
-def test_one_mode_is_not_taken_for_two():
-    for seed in range(4):
+@pytest.mark.parametrize("seeds", [1, pytest.param(4, marks=pytest.mark.whole)])
+def test_one_mode_is_not_taken_for_two(seeds):
+    for seed in range(seeds):
         found = identified(session(seed, 0.3, frequency=[400.0], damping=[0.02])[0])
         assert len(poles(found)[0]) == 1
 

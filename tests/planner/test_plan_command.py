@@ -11,9 +11,11 @@ import yaml
 
 from sldvexp.planner.files import as_pose
 from sldvexp.planner.images import Stand
-from tests.planner.planned_experiments import SMALL
 
-QUICK = (*SMALL, "scan.structure.pixels=[17,21]")
+QUICK = (
+    *("volume.shape=[5,5]", "volume.layers=2", "plan.candidates=100"),
+    "scan.structure.pixels=[17,21]",
+)
 
 
 def words(text: str) -> str:

@@ -132,6 +132,8 @@ def session(
             "phase": np.exp(1j * size),
         }.get(mistake, 1.0)
         values = np.conj(values) if mistake == "conjugate" else values * factor
+        if mistake == "offset":
+            values = values + size * (1 - 0.7j)
         image = np.full_like(zero, np.nan)
         image[beams.pixel] = values
         drawn = rng.standard_normal(zero.shape) + 1j * rng.standard_normal(zero.shape)
