@@ -171,7 +171,7 @@ def _first_met(
         Barycentric coordinates.
     """
     corners = surface.nodes[surface.prisms.triangles]
-    in_laser = to_laser(view, corners)
+    in_laser = to_laser(view, surface.nodes)[surface.prisms.triangles]
     ahead = np.flatnonzero((in_laser[..., 2] > 0).all(axis=1))
     if not len(ahead) or not len(begin):
         return (*np.zeros((2, 0), np.intp), np.zeros(0), np.zeros((0, 3)))
