@@ -132,6 +132,12 @@ class Patch:
         values += self.shape[:, 3:] @ corner[1:]
         return values.reshape(-1, nodal.shape[-1])
 
+    def gap_at_samples(self, nodal: Array) -> Array:
+        """Interpolate as `at_samples` does in a gap, samples last: (2, node, m) to (m, sample)."""
+        corner = np.ascontiguousarray(nodal[:, self.corner].transpose(3, 1, 0, 2))
+        values = corner.reshape(-1, self.shape.shape[1]) @ self.shape.T
+        return values.reshape(len(corner), -1)
+
     def to_nodes(self, samples: Array) -> Array:
         """Sum over samples, ``B^T f``: from (sample, m) to (layer, patch_node, m)."""
         columns = samples.shape[-1]
