@@ -27,12 +27,12 @@ from sldvexp.volume import shape_matrix
 FULL_SIZE = os.environ.get("SLDVEXP_BENCHMARK") == "1"
 SHAPE = (48, 48) if FULL_SIZE else (9, 8)
 PIXELS = 60
-#: How many times faster than the twenty lines, which give no bounds; measured 13.7, 8.4 and 91, on
-#: a busy machine. Finding samples in the images, 0.33 s, is in none of them: all have it done once
-#: before. The first falls short of the 16 wished for: a third of it compares with the least
-#: possible variance.
+#: How many times faster than the twenty lines, which give no bounds; measured 14.6, 8.9 and 91, on
+#: a busy machine, on which the same code is measured a fifth faster or slower. Finding samples in
+#: the images, 0.33 s, is in none of them: all have it done once before. The first falls short of
+#: the 16 wished for: a quarter of it compares with the least possible variance.
 CONTRAVARIANT_WITH_BOUNDS, ABSOLUTE_WITH_BOUNDS, ABSOLUTE = 11.0, 7.0, 40.0
-#: The same with compiled kernels, loaded and compiled before; measured 21.9 and 11.2, 1.6 and 1.3
+#: The same with compiled kernels, loaded and compiled before; measured 21.1 and 11.2, 1.4 and 1.3
 #: times as fast as without, on a busy machine. The first falls short of the 30 wished for: what
 #: numpy does of samples and factors is most of what is left.
 CONTRAVARIANT_COMPILED, ABSOLUTE_COMPILED = 17.0, 9.0
