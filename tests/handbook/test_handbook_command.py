@@ -29,7 +29,7 @@ def test_page_goes_to_a_file_as_it_is(sldvexp, topic):
     assert done.out == (HANDBOOK / f"{topic}.md").read_text(encoding="utf-8")
 
 
-@pytest.mark.one_in(3)
+@pytest.mark.one_in(12)
 @pytest.mark.parametrize("topic", TOPICS)
 def test_terminal_gets_headings_and_tables_that_are_set(sldvexp, monkeypatch, topic):
     monkeypatch.setenv("FORCE_COLOR", "1")  # rich then takes any output for a terminal

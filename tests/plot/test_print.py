@@ -145,6 +145,7 @@ def five_digits(centre):
     return edge
 
 
+@pytest.mark.whole
 @pytest.mark.one_in(4)
 @pytest.mark.parametrize("width", [COLUMN, PAGE])
 @pytest.mark.parametrize("name", ["edges", "conics"])

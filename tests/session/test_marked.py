@@ -82,6 +82,7 @@ def test_lines_that_a_run_has_kept_from_before_stay(composed, tmp_path):
         np.testing.assert_array_equal(again["edge/a"]["dac"], whole["edge/a"]["dac"])
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize(
     ("numbers", "told"),
     [
