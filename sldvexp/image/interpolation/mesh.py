@@ -248,7 +248,7 @@ class Lattice(ImageMesh):
     def _by_place(
         self, corner: NDArray[np.int32], u: Array, v: Array, by_u: Array, by_v: Array
     ) -> tuple[Array, Array]:
-        """Turn derivatives, (column, place), by a cell's own coordinates into those by the place."""
+        """Turn derivatives by a cell's own coordinates, (column, place), into those by place."""
         (x_u, y_u), (x_v, y_v) = _along(self._axes, corner, u, v)
         area = x_u * y_v - y_u * x_v
         return (by_u * y_v - by_v * y_u) / area, (by_v * x_u - by_u * x_v) / area
