@@ -448,8 +448,8 @@ QUICK = (
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [
-        ("volume.center=[1.0,0.14,0.0]", "reconstruction: the volume is seen by none of the views"),
         ("~pose.views.5", "view 5: has an image but no pose; Valid: 1, 2, 3, 4"),
+        ("volume.center=[1.0,0.14,0.0]", "reconstruction: the volume is seen by none of the views"),
         ("signal.flags.reference_minimum=1.0", "lower signal.flags.reference_minimum if it really"),
     ],
 )

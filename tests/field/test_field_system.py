@@ -184,12 +184,12 @@ def dense_rows(a: np.ndarray, x: np.ndarray, std: np.ndarray | None) -> tuple[np
 def test_rows_at_samples(rows: str, generalised: bool, intercept: bool, seed: int) -> None:
     """Where views are missing: literally the rows that are left, or all that they span."""
     rng = np.random.default_rng(seed)
-    directions = rng.normal(size=(40, 5, 3))
-    valid, std = rng.random((40, 5)) < 0.8, rng.uniform(0.5, 2, (40, 5))
+    directions = rng.normal(size=(15, 5, 3))
+    valid, std = rng.random((15, 5)) < 0.8, rng.uniform(0.5, 2, (15, 5))
     a = parse(rows, NAMES).matrix
     at = RowModel(a, intercept, generalised, 1e-9, complete=False).at(directions, valid, std)
     information, estimator = at.products()
-    for s in range(40):
+    for s in range(15):
         x = np.concatenate([directions[s], np.ones((5, 1))], axis=1)[:, : 4 if intercept else 3]
         missing = a[:, ~valid[s]]
         if generalised:  # rows that span {A^T y: no missing view}

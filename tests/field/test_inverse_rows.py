@@ -32,6 +32,7 @@ def equations_of(
     return parts, normal_equations(parts, nothing).system
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("method", [Absolute(), Contravariant()])
 @pytest.mark.parametrize("columns", [24, 12])
 def test_together_and_one_by_one(

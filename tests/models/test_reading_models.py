@@ -34,7 +34,7 @@ from tests.models.made_models import (
 
 @pytest.fixture(scope="module")
 def tree():
-    return Measured(true_plate(), views=2).tree(0)
+    return Measured(true_plate(), views=2, shape=(17, 19)).tree(0)
 
 
 def own_axes(**settings):

@@ -34,7 +34,7 @@ def test_poles_and_shapes_are_those_without_the_window():
     assert np.abs(seen - shape).max() < 1e-5 * np.abs(shape).max()
 
 
-@pytest.mark.parametrize("seeds", [4, pytest.param(8, marks=pytest.mark.whole)])
+@pytest.mark.parametrize("seeds", [2, pytest.param(8, marks=pytest.mark.whole)])
 def test_bounds_are_those_of_the_damping_that_is_left(seeds):
     """Half of the lowest mode's damping is the window's, so that its relative error is larger."""
     shape, errors, scales = plate_shapes(100, 5), [], []

@@ -309,7 +309,8 @@ def test_groups_hold_the_joint_covariance(tmp_path, poses):
     laser = TwoMirror(mirror_offset=0.03)
     paths = files(tmp_path, first(poses, 3), TRUE, np.random.default_rng(9))
     method = Registration(path=paths, shared={"mirror_offset": INF}, adjust={"gain_up_down": 0.01})
-    pose = method.estimate(laser, None, {}).pose
+    found = method.estimate(laser, None, {})
+    pose = found.pose
     assert list(pose["unknown"].values[[0, 6, 7, -1]]) == [
         "a/rotation_x", "a/gain_up_down", "b/rotation_x", "mirror_offset"
     ]  # fmt: skip
@@ -326,7 +327,7 @@ def test_groups_hold_the_joint_covariance(tmp_path, poses):
         np.testing.assert_allclose(block[k, :, k], own)
     assert np.abs(block[0, :, 1]).max() > 0
     np.testing.assert_allclose(block.reshape(12, 12), block.reshape(12, 12).T)
-    examined = Examination(method.estimate(laser, None, {}).groups(), rng=np.random.default_rng(0))
+    examined = Examination(found.groups(), rng=np.random.default_rng(0))
     with pytest.raises(UserError, match=r"pose\.shared solved them together"):
         PoseRepeats().examine(examined)
 
