@@ -173,7 +173,7 @@ def test_rate(kind: str, method: Interpolation) -> None:
         assert (rates > 2.75).all()
 
 
-@pytest.mark.one_in(2)
+@pytest.mark.one_in(4)
 @pytest.mark.parametrize("kind", ["even", "oblique"])
 @pytest.mark.parametrize("hole", [0, 3])
 def test_the_mean_of_a_cell_beside_missing_pixels_has_no_error_of_third_order(
@@ -429,7 +429,7 @@ def waving(image: Image, noise: float = 0.0) -> Image:
     return image
 
 
-@pytest.mark.one_in(2)
+@pytest.mark.one_in(4)
 @cases
 def test_auto_takes_cubic_where_it_predicts_pixels_better(kind: str) -> None:
     make = KINDS[kind][0]
