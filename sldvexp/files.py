@@ -134,7 +134,7 @@ def decoded(content: bytes) -> str | None:
     ('²', '²', None)
     """
     encoding = next((e for mark, e in MARKS.items() if content.startswith(mark)), None)
-    if encoding is None and (half := len(content) // 2):
+    if encoding is None and 0 in content and (half := len(content) // 2):
         zeros = content[::2].count(0), content[1::2].count(0)
         if min(zeros) == 0 and max(zeros) > 0.5 * half:
             encoding = "utf-16-le" if zeros[1] else "utf-16-be"

@@ -13,20 +13,21 @@ import csv
 import io
 import math
 import re
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import chain
 from pathlib import Path
-from typing import Any, overload
+from typing import Any, NamedTuple, overload
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sldvexp.errors import UserError
 from sldvexp.files import read_text, require_file, with_check_line
 from sldvexp.lazy import pandas as pd
-from sldvexp.typing import Array, IntArray
+from sldvexp.typing import Array, IndexArray, IntArray
 from sldvexp.units import LengthUnit, Unit
 
 AXES = ("x", "y", "z")
@@ -35,8 +36,26 @@ MISSING = {"", "-", "--", "---", "nan", "na", "n/a", "#n/a", "#nv", "null", "non
 MISSING |= {"1.#qnan", "-1.#ind", "nan(ind)"}
 #: Words that pandas takes for one and zero, where a column has nothing else.
 WORDS = ("True", "TRUE", "true", "False", "FALSE", "false")
+#: Cells that pandas shall take for no number; one more among numbers only costs time.
+NO_NUMBERS = sorted({f(word) for word in MISSING for f in (str, str.upper, str.capitalize)})
+NO_NUMBERS += ["NaN", *WORDS]
 #: How the columns of coordinates are named, for messages.
 COORDINATES = f"x_U, y_U, z_U with U one of {', '.join(LengthUnit.__members__)}"
+
+
+class Labels(NamedTuple):
+    """A column of text that says the same in many rows.
+
+    Attributes
+    ----------
+    which : ndarray of int, shape (row,)
+        Number of the text that each row has.
+    texts : list of str
+        Each once, as they come.
+    """
+
+    which: IndexArray
+    texts: list[str]
 
 
 class EvenRows(Sequence[tuple[str, ...]]):
@@ -54,42 +73,54 @@ class EvenRows(Sequence[tuple[str, ...]]):
 
     def __init__(self, content: bytes, delimiter: str) -> None:
         self._content, self._delimiter = content, delimiter
-        self._ends = np.flatnonzero(np.frombuffer(content, np.uint8) == ord("\n"))
+        self._count = content.count(b"\n") - 1
+
+    @cached_property
+    def _ends(self) -> IndexArray:
+        """Where the header's line and each row's end."""
+        return np.flatnonzero(np.frombuffer(self._content, np.uint8) == ord("\n"))
 
     def column(self, k: int) -> list[str]:
         """Give the cells of a column."""
-        cells: list[str] = self._read([k], dtype=object, na_filter=False)[k].tolist()
+        cells: list[str] = self._read({k: object})[k].tolist()
         return cells
 
-    def floats(self, columns: Sequence[int]) -> Array:
-        """Convert columns to numbers, shape (row, column); NaN where a cell is none."""
+    def columns(self, labels: Sequence[int], numbers: Sequence[int]) -> tuple[list[Labels], Array]:
+        """Read columns of labels, and others as numbers, shape (row, column), at once.
+
+        Numbers are NaN where a cell is none. The text is taken apart once for all columns.
+        """
+        try:
+            read = self._read({k: object for k in labels} | {k: float for k in numbers})
+        except ValueError:  # a cell that is neither a number nor missing
+            if not labels and len(numbers) == 1:
+                return [], _floats(self.column(numbers[0]))[:, None]
+            found = self.columns(labels, [])[0] if labels else []
+            return found, np.concatenate([self.columns([], [k])[1] for k in numbers], axis=1)
+        values: Array = read[list(numbers)].to_numpy(float, copy=True)
+        for row, k in np.argwhere(np.isinf(values)).tolist():
+            values[row, k] = _float(self[row][numbers[k]])  # inf is infinity, Infinity is none
+        return [_labels(read[k].to_numpy()) for k in labels], values
+
+    def _read(self, kinds: Mapping[int, Any]) -> pd.DataFrame:
+        """Let pandas read columns as some kind each; it complains if there are no rows."""
         version = tuple(map(int, pd.__version__.split(".")[:2]))
         # the number nearest to the text, which later ones find and warn of the word for it
-        nearest = {"float_precision": "round_trip"} if version < (3, 1) else {}
-        try:
-            read = self._read(columns, dtype=float, na_values=[*MISSING, *WORDS], **nearest)
-        except ValueError:  # a cell that is neither a number nor missing
-            if len(columns) == 1:
-                return _floats(self.column(columns[0]))[:, None]
-            return np.concatenate([self.floats([k]) for k in columns], axis=1)
-        values: Array = read[list(columns)].to_numpy(copy=True)
-        for row, k in np.argwhere(np.isinf(values)).tolist():
-            values[row, k] = _float(self[row][columns[k]])  # inf is infinity, Infinity is none
-        return values
-
-    def _read(self, columns: Sequence[int], **how: Any) -> pd.DataFrame:
-        """Let pandas read columns; it complains if there are no rows."""
+        nearest: dict[str, Any] = {"float_precision": "round_trip"} if version < (3, 1) else {}
         return pd.read_csv(
             io.BytesIO(self._content),
             sep=self._delimiter,
             header=None,
             skiprows=1,
-            usecols=columns,
-            **how,
+            usecols=list(kinds),
+            dtype=dict(kinds),
+            na_values={k: NO_NUMBERS for k, kind in kinds.items() if kind is float},
+            keep_default_na=False,
+            **nearest,
         )
 
     def __len__(self) -> int:
-        return len(self._ends) - 1
+        return self._count
 
     @overload
     def __getitem__(self, row: int) -> tuple[str, ...]: ...
@@ -103,6 +134,12 @@ class EvenRows(Sequence[tuple[str, ...]]):
         k = range(len(self))[row]
         line = self._content[self._ends[k] + 1 : self._ends[k + 1]]
         return tuple(line.decode().split(self._delimiter))
+
+
+def _labels(cells: NDArray[np.object_]) -> Labels:
+    """Find which texts a column has."""
+    which, texts = pd.factorize(cells)
+    return Labels(which, texts.tolist())
 
 
 @dataclass(frozen=True, eq=False)
@@ -179,9 +216,23 @@ class TextTable:
 
     def floats(self, names: Sequence[str]) -> Array:
         """Convert columns to numbers, shape (row, column); NaN where a cell is none."""
+        return self.labels_and_floats([], names)[1]
+
+    def labels_and_floats(
+        self, labels: Sequence[str], numbers: Sequence[str]
+    ) -> tuple[list[Labels], Array]:
+        """Read columns of labels, and others as `floats` does, in one go.
+
+        Raises
+        ------
+        UserError
+            If a row has more or fewer cells than there are columns.
+        """
         if isinstance(self.rows, EvenRows) and self.rows:
-            return self.rows.floats([self.header.index(name) for name in names])
-        return np.array([_floats(self.column(name)) for name in names]).T
+            at = self.header.index
+            return self.rows.columns([*map(at, labels)], [*map(at, numbers)])
+        values = np.array([_floats(self.column(name)) for name in numbers]).T
+        return [_labels(np.array(self.column(name), object)) for name in labels], values
 
     def numbers(self, columns: Sequence[str], of: Sequence[str] = ()) -> Array:
         """Convert columns to finite numbers, in the file's units.
@@ -324,6 +375,8 @@ def _even_rows(text: str, delimiter: str) -> tuple[list[str], range, EvenRows] |
     tuple or None
         Header, numbers of the lines and rows; None of a text that is not so simple.
     """
+    if "\r" in text:
+        text = text.replace("\r\n", "\n")
     odd = [*UNEVEN, "\n" + delimiter, *("\t" if delimiter != "\t" else "")]
     if not text.isascii() or text.startswith((delimiter, "\n")) or any(o in text for o in odd):
         return None

@@ -173,6 +173,9 @@ class PointVelocity:
         The numerator is the Gauss-Markov bound of the same views without an intercept: 1 says that
         no linear unbiased estimate does better. NaN where a component is not determined.
         """
+        if self.system.is_best:
+            each = self.velocity.shape[-1] if self.system.views.std_by_frequency else 1
+            return np.where(self.observable[..., None], np.ones(each), np.nan)
         best = self.system.best_fit(slice(None), intercept=False).root
         with np.errstate(divide="ignore", invalid="ignore"):  # where nothing is determined
             ratio = self.system.views.fold(((best / self._root) ** 2)[..., None])

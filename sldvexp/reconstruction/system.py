@@ -129,6 +129,12 @@ class PointSystem:
         return self.settings.weights is Weights.noise
 
     @property
+    def is_best(self) -> bool:
+        """Whether the method's estimator itself is `best_fit` without an intercept."""
+        all_views = np.array_equal(self.rows.matrix, np.eye(len(self.views.names)))
+        return all_views and self.generalised and not self.intercept
+
+    @property
     def parameters(self) -> int:
         """Unknowns at a point: three components, and the intercept in the full model."""
         return 4 if self.intercept else 3

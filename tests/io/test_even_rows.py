@@ -5,6 +5,7 @@ from __future__ import annotations
 import random
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from sldvexp.errors import UserError
@@ -25,7 +26,7 @@ def one_by_one(cell):
         return np.nan
 
 
-@pytest.mark.parametrize("rows", [1, 40_000])
+@pytest.mark.parametrize("rows", [1, 9000, pytest.param(40_000, marks=pytest.mark.whole)])
 def test_cells_and_numbers_are_those_of_the_text(tmp_path, rows):
     """To the last bit, in columns of numbers alone and in those with anything else."""
     draw = random.Random(1)
@@ -70,3 +71,35 @@ def test_rows_of_other_lengths_are_not_read_at_once(tmp_path, text):
     path.write_text(text)
     with pytest.raises(UserError, match="values under"):
         read_table(path).floats(["a"])
+
+
+@pytest.mark.parametrize("number", ["1.5", "abc"])
+def test_labels_and_numbers_are_read_at_once(tmp_path, monkeypatch, number):
+    """Labels are text, whatever numbers or gaps they look like, and come in the file's order."""
+    names = ["007", "7", "NA", "b", "", "NULL", "7", "True", "b", "1e3", "nan", "007"]
+    rows = "".join(f"1,{own},{own}x,{number},\n" for own in names)
+    path = tmp_path / "rows.csv"
+    path.write_text(f"b,a,c,d,e\n{rows}")
+    table, calls, read_csv = read_table(path), [], pd.read_csv
+
+    def counted(*args, **kwargs):
+        calls.append(kwargs)
+        return read_csv(*args, **kwargs)
+
+    monkeypatch.setattr(pd, "read_csv", counted)
+    labels, values = table.labels_and_floats(["c", "a"], ["e", "b", "d"])
+    assert len(calls) == 1 or number == "abc"
+    for found, expected in zip(labels, ([own + "x" for own in names], names), strict=True):
+        assert found.texts == list(dict.fromkeys(expected))
+        assert [found.texts[k] for k in found.which] == expected
+    expected = [np.nan, 1.0, one_by_one(number)]
+    np.testing.assert_array_equal(values, np.tile(expected, (len(names), 1)))
+
+
+def test_lines_that_end_as_in_dos_are_read_at_once(tmp_path):
+    path = tmp_path / "rows.csv"
+    path.write_bytes(b"a,b\r\n1,2\r\n3,4\r\n")
+    table = read_table(path)
+    assert isinstance(table.rows, tables.EvenRows)
+    assert list(table.rows) == [("1", "2"), ("3", "4")]
+    assert table.where(1) == f"{path}, line 3"

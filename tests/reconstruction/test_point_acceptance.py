@@ -112,6 +112,19 @@ def test_no_method_beats_gauss_and_markov(
     assert np.all(efficiency <= 1 + 1e-9)
 
 
+@pytest.mark.parametrize("with_std", [False, True])
+def test_all_views_by_their_noise_are_as_good_as_can_be(monkeypatch, with_std) -> None:
+    """No other estimator is set up to find that; the two would be the same."""
+    directions, _, seen = scene(3, 6)
+    std = np.random.default_rng(3).uniform(0.1, 10, seen.shape) if with_std else None
+    result = method_of("absolute").reconstruct(directions, seen, std)
+    best = result.system.best_fit(slice(None), intercept=False)
+    np.testing.assert_array_equal(best.root, result.system.fit(slice(None)).root)
+    monkeypatch.setattr("sldvexp.reconstruction.system.point_fit", None)
+    frequencies = seen.shape[2] if with_std else 1
+    np.testing.assert_array_equal(result.efficiency, np.ones((3, 3, frequencies)))
+
+
 @pytest.mark.parametrize("name", METHODS)
 def test_one_point_is_a_set_of_one_point(name: str) -> None:
     directions, _, seen = scene(1, 5)

@@ -274,7 +274,7 @@ def test_garbage_is_looked_for_later_as_it_was_before(pages, monkeypatch, tmp_pa
     "words",
     [
         ("experiment=point",),
-        ("experiment=pose",),
+        pytest.param(("experiment=pose",), marks=pytest.mark.whole),
         pytest.param((), marks=pytest.mark.whole),
         pytest.param(("experiment=plate_modes",), marks=pytest.mark.whole),
     ],

@@ -18,6 +18,7 @@ import numpy as np
 
 from sldvexp.field.bounds.compiled import CompiledKernels, kernels_for
 from sldvexp.field.bounds.sparse_inverse_rows import (
+    RINGS_BETWEEN,
     block_rows,
     diagonal_blocks,
     rings_of,
@@ -135,8 +136,8 @@ class NearInverse:
     turn : ndarray, shape (layer, surface_node, block, block)
         ``N^-1 N_mean`` of a node's information and that of the Kronecker product there.
     odd : ndarray of bool, shape (surface_node,)
-    rings : int
-        How far rows reach.
+    rings, between : int
+        How far rows reach, and how far those that are solved together are apart, see `NearNodes`.
     """
 
     system: NormalEquations
@@ -144,6 +145,7 @@ class NearInverse:
     turn: Array
     odd: BoolArray
     rings: int
+    between: int = RINGS_BETWEEN
 
     @classmethod
     def from_system(cls, system: NormalEquations, parts: RegionIterator) -> NearInverse:
@@ -177,7 +179,7 @@ class NearInverse:
         place = np.full(self.system.graph.nodes, -1)
         place[nodes] = np.arange(len(nodes))
         try:
-            surface = surface_rows(self.system, own, place, self.rings)
+            surface = surface_rows(self.system, own, place, self.rings, self.between)
         except RuntimeError:
             raise undetermined_nodes(self.system) from None
         odd = np.flatnonzero(self.odd[own])

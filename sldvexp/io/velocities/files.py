@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sldvexp.errors import UserError, nearest
 from sldvexp.files import require_file
@@ -102,13 +101,7 @@ def read_csv(path: Path, unit: VelocityUnit | None, layout: FileLayout = OWN) ->
     table, units = _table(path, unit, layout, questions)
     factor = units.velocity or UNSTATED_VELOCITY.value
     hertz = units.frequency or UNSTATED_FREQUENCY
-    numbers = [c for c in table.header if c not in NAMES]
-    values = dict(zip(numbers, table.floats(numbers).T, strict=True))
-    columns = {
-        c: _checked(table, c, values[c], layout, questions) if c in values else _names(table, c)
-        for c in table.header
-    }
-    keys = {c: columns[c] for c in ORDER if c in columns}
+    columns, keys = _columns(table, layout, questions)
     labels, shape, where = _cells(table, keys, layout, questions)
     texts = ((f", line {line}", text) for line, text in table.comments)
     odd = compare_texts(texts, unit, units, layout, path, questions)
@@ -131,7 +124,7 @@ def read_csv(path: Path, unit: VelocityUnit | None, layout: FileLayout = OWN) ->
             "give directions that belong to one point as points of their own"
         )
     position = _position(table, cube, labels[1], layout, units)
-    points = labels[1] if "point" in columns else None
+    points = labels[1] if "point" in keys else None
     return LineOfSight(
         source=str(path),
         view=labels[0],
@@ -192,7 +185,7 @@ def _position(
 
 def _cells(
     table: TextTable,
-    keys: dict[str, NDArray[Any]],
+    keys: dict[str, tuple[IndexArray, list[Any]]],
     layout: FileLayout,
     questions: Questions,
 ) -> tuple[list[list[Any]], tuple[int, ...], IndexArray]:
@@ -207,15 +200,18 @@ def _cells(
     position: list[IndexArray] = [np.zeros(len(table.rows), int) for _ in ORDER]
     for k, c in enumerate(ORDER):
         if c in keys:
-            position[k], once = pd.factorize(keys[c])
-            labels[k] = list(once)
+            position[k], labels[k] = keys[c]
     shape = tuple(len(axis) for axis in labels)
     where = np.ravel_multi_index(position, shape)
 
     def told(at: Iterable[int]) -> str:
         """Name a cell, ``view 2, frequency 450``, as the first row of each label has it."""
-        own = ((c, axis[i]) for c, axis, i in zip(ORDER, labels, at, strict=True) if c in keys)
-        return ", ".join(f"{c} {table.column(c)[list(keys[c]).index(label)]}" for c, label in own)
+        rows = (
+            (c, int(np.argmax(keys[c][0] == i)))
+            for c, i in zip(ORDER, at, strict=True)
+            if c in keys
+        )
+        return ", ".join(f"{c} {table.column(c)[row]}" for c, row in rows)
 
     cells, first = np.unique(where, return_index=True)
     if len(cells) < len(where):
@@ -302,12 +298,31 @@ def _ask_the_rest(
             _ask_incomplete(f"{at}: {column} has no number", table.path, questions)
 
 
-def _names(table: TextTable, column: str) -> NDArray[np.object_]:
-    """Read a column of names, none of which may be empty."""
-    names = table.column(column)
-    if "" in names:
-        raise UserError(f"{table.where(names.index(''))}: {column} must be a name, not ''")
-    return np.array(names, object)
+def _columns(
+    table: TextTable, layout: FileLayout, questions: Questions
+) -> tuple[dict[str, Array], dict[str, tuple[IndexArray, list[Any]]]]:
+    """Read the columns of numbers, and of each of `ORDER` that there is which label rows have.
+
+    Raises
+    ------
+    UserError
+        If a name is empty; see also `_checked`.
+    """
+    names = [c for c in table.header if c in NAMES]
+    numbers = [c for c in table.header if c not in NAMES]
+    labels, values = table.labels_and_floats(names, numbers)
+    keys: dict[str, tuple[IndexArray, list[Any]]] = dict(zip(names, labels, strict=True))
+    columns = dict(zip(numbers, values.T, strict=True))
+    for c in table.header:  # from left to right, as it is read
+        if c in columns:
+            columns[c] = _checked(table, c, columns[c], layout, questions)
+        elif "" in keys[c][1]:
+            row = int(np.argmax(keys[c][0] == keys[c][1].index("")))
+            raise UserError(f"{table.where(row)}: {c} must be a name, not ''")
+    if "frequency" in columns:
+        index, once = pd.factorize(columns["frequency"])
+        keys["frequency"] = index, list(once)
+    return columns, keys
 
 
 def _checked(
