@@ -156,16 +156,17 @@ def test_gradient(kind: str, method: Interpolation) -> None:
         np.testing.assert_allclose(slope[same], difference[same], atol=1e-6)
 
 
-@pytest.mark.one_in(3)
+@pytest.mark.one_in(6)
+@pytest.mark.parametrize("sizes", [(25, 49), (25, 49, 97)], ids=len)
 @pytest.mark.parametrize("kind", ["even", "oblique", "scattered"])
 @methods
-def test_rate(kind: str, method: Interpolation) -> None:
+def test_rate(kind: str, method: Interpolation, sizes: tuple[int, ...]) -> None:
     def error(n: int) -> float:
         image = oblique(n, whole=False) if kind == "oblique" else KINDS[kind][0](n)
         w = method.prepare(image).at(places())
         return float(np.sqrt(np.mean((w.value @ smooth(image.dac) - smooth(places())) ** 2)))
 
-    errors = [error(n) for n in (25, 49, 97)]
+    errors = [error(n) for n in sizes]
     rates = -np.diff(np.log2(errors))
     if method is Interpolation.linear:
         np.testing.assert_allclose(rates, 2.0, atol=0.15)
