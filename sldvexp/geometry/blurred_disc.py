@@ -136,8 +136,12 @@ class _AcrossEdge:
         self._t, self._h = np.sin(u), np.cos(u)
         mean = away[:, None] + self._lean * self._t
         self._ahead = (self._h - mean) / self._s
-        self._beyond = (-self._h - mean) / self._s
-        self._far = not np.any(self._beyond > -FAR)
+        # The other side of the disc, unless it is too far from every spot.
+        least = away[:, None] - np.abs(self._lean * np.sin(self._most))
+        self._far = not np.any(least < FAR * self._s)
+        if not self._far:
+            self._beyond = (-self._h - mean) / self._s
+            self._far = not np.any(self._beyond > -FAR)
         density = np.exp(-0.5 * (self._t / self._sigma) ** 2)
         self._density = density * (self._most / (np.sqrt(2.0 * np.pi) * self._sigma))
 
@@ -150,9 +154,7 @@ class _AcrossEdge:
     def changes(self) -> tuple[Array, Array]:
         """Integrate ``-N n`` and ``-(C^-1 (p - m) N) n'`` along the edge with outward normals n."""
         gradient, second = np.zeros((2, len(self._s))), np.zeros((3, len(self._s)))
-        for side, u in ((1.0, self._ahead), (-1.0, self._beyond)):
-            if side < 0 and self._far:
-                continue
+        for side, u in ((1.0, self._ahead), *([] if self._far else [(-1.0, self._beyond)])):
             light = np.exp(-0.5 * u**2) / (np.sqrt(2.0 * np.pi) * self._s) * self._density
             by_o, by_t = side * self._h * light, self._t * light
             of_o = u / self._s

@@ -237,9 +237,9 @@ def signed_distance(points: ArrayLike, parameters: ArrayLike) -> tuple[Array, Ar
     """Measure orthogonal distances of points from an ellipse, with its outward normals there.
 
     In the principal frame the foot of (x, y) is ``a^2 x / (t + a^2), b^2 y / (t + b^2)`` with t the
-    largest root of ``F(t) = (a x / (t + a^2))^2 + (b y / (t + b^2))^2 = 1``. ``1 / sqrt(F)``, a mean
-    of two straight lines, rises there and is concave, so that Newton's method never ends beyond the
-    root, wherever it comes from; of a circle one step finds it.
+    largest root of ``F(t) = (a x / (t + a^2))^2 + (b y / (t + b^2))^2 = 1``. ``1 / sqrt(F)``, a
+    mean of two straight lines, rises there and is concave, so that Newton's method never ends
+    beyond the root, wherever it comes from; of a circle one step finds it.
 
     Parameters
     ----------

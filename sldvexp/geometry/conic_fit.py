@@ -165,7 +165,7 @@ def fit_ellipse(
     along = None if direction is None else np.asarray(direction, float)
     points = ScaledPoints((place - mean) / scale, error / scale, along)
     try:
-        begin = start and _scaled(start, mean, scale)
+        begin = None if start is None else _scaled(start, mean, scale)
         parameters, used = _without_outliers(points, method, reject, std is not None, begin)
     except NoEllipseError:
         seen = _seen(place, arc)
@@ -343,9 +343,24 @@ def algebraic_conic(position: Array, std: ArrayLike = 1.0) -> Array:
     """
     weight = 1.0 / np.broadcast_to(std, position.shape[:-1])
     rows = weight[..., None] * _data(position)
-    a, b, c, d, e = np.moveaxis(-(np.linalg.pinv(rows) @ weight[..., None])[..., 0], -1, 0)
+    found: Array = -(np.linalg.pinv(rows) @ weight[..., None])[..., 0]
+    return _conic(found)
+
+
+def _conic(numbers: Array) -> Array:
+    """Make the matrix of Eq 4.22 with F = 1 of A to E, shape (..., 3, 3)."""
+    a, b, c, d, e = np.moveaxis(numbers, -1, 0)
     matrix = [[a, c / 2, d / 2], [c / 2, b, e / 2], [d / 2, e / 2, np.ones_like(a)]]
     return np.stack([np.stack(row, axis=-1) for row in matrix], axis=-2)
+
+
+def _through(position: Array) -> Array:
+    """Make the conics through sets of five points, shape (..., 3, 3)."""
+    try:
+        found = np.linalg.solve(_data(position), np.full((*position.shape[:-1], 1), -1.0))
+    except np.linalg.LinAlgError:  # of points that coincide
+        return algebraic_conic(position)
+    return _conic(np.asarray(found[..., 0], float))
 
 
 def algebraic(points: ScaledPoints, start: Array) -> Array:
@@ -357,9 +372,10 @@ def algebraic(points: ScaledPoints, start: Array) -> Array:
 def likelihood(points: ScaledPoints, start: Array) -> Array:
     """Estimate five numbers by least squares of orthogonal distances over standard errors.
 
-    Gauss-Newton; a step that leaves the ellipses is halved until it does not.
+    Gauss-Newton; a step that leaves the ellipses is halved until it does not. It has settled once
+    the next step, which is taken as smaller by as much as this one is, would change nothing.
     """
-    parameters = start
+    parameters, before = start, 1.0
     for _ in range(STEPS):
         distance, normal = signed_distance(points.position, parameters)
         weight = 1.0 / points.across(normal)
@@ -368,8 +384,10 @@ def likelihood(points: ScaledPoints, start: Array) -> Array:
         while not is_ellipse(parameters + step) and np.abs(step).max() > SETTLED:
             step /= 2.0
         parameters = _ellipse(parameters + step)
-        if np.abs(step).max() < SETTLED:
+        size = float(np.abs(step).max())
+        if size * min(size / before, 1.0) < SETTLED:
             return parameters
+        before = size
     raise NoEllipseError
 
 
@@ -417,7 +435,7 @@ def _least_quantile(shape: tuple[int, ...], content: bytes) -> Array:
     fraction = np.outer(np.arange(SUBSETS), np.sqrt([2.0, 3.0, 5.0, 7.0, 11.0])) % 1.0
     member = [s[(f * len(s)).astype(int)] for s, f in zip(sectors, fraction.T, strict=True)]
     subset = position[np.stack(member, axis=-1)]
-    conics = np.concatenate([algebraic_conic(subset), algebraic_conic(position)[None]])
+    conics = np.concatenate([_through(subset), algebraic_conic(position)[None]])
     candidates = from_point_conic(conics)
     candidates = candidates[np.isfinite(candidates).all(axis=-1) & is_ellipse(candidates)]
     if not len(candidates):

@@ -277,9 +277,7 @@ def _parts(
     """
     to_disc = np.linalg.inv(np.linalg.cholesky(shape_matrix(numbers)))
     variance = float(np.trace(spot)) / 2.0
-    part, gradient, second = part_and_changes(
-        away @ to_disc.T, to_disc @ spot @ to_disc.T, NODES
-    )
+    part, gradient, second = part_and_changes(away @ to_disc.T, to_disc @ spot @ to_disc.T, NODES)
     by_place = ((gradient @ to_disc) * direction[:, None]).sum(axis=-1)
     by_light = variance / 2.0 * (to_disc.T @ second @ to_disc)
     return part, by_place, by_light[..., [0, 1, 0], [0, 1, 1]]

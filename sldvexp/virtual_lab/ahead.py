@@ -104,8 +104,10 @@ class AnnouncedLines:
         for some, found, stretches in stretches_of(owner, numbers, BLOCK):
             blocks.append(self._block(steps[some], stretches, [ways[k] for k in found]))
         counts, status = (np.concatenate(each) for each in zip(*blocks, strict=True))
+        ends = np.cumsum([len(dac) for dac, _ in taken]).tolist()
+        own = [slice(end - len(dac), end) for end, (dac, _) in zip(ends, taken, strict=True)]
         return {
-            number: (dac, counts[owner == k], status[owner == k], ways[k])
+            number: (dac, counts[own[k]], status[own[k]], ways[k])
             for k, (dac, number) in enumerate(taken)
         }
 

@@ -201,10 +201,12 @@ class Electronics:
     def _lost(self, lit: BoolArray, uniform: Array) -> BoolArray:
         """Find samples without light: those of a speckle's burst, or all; shape (pixel, sample)."""
         samples = self._acquisition.samples
-        lost = np.repeat(~lit[:, None], samples, axis=1)
-        begin, end = np.floor(np.sort(uniform[:, 2:4], axis=1) * samples).astype(int).T
-        for pixel in np.flatnonzero(uniform[:, 1] < self._vibrometer.drop_out):
-            lost[pixel, begin[pixel] : end[pixel] + 1] = True
+        lost = np.zeros((len(lit), samples), bool)
+        lost[~lit] = True
+        spoilt = np.flatnonzero(uniform[:, 1] < self._vibrometer.drop_out)
+        ends = np.floor(np.sort(uniform[spoilt, 2:4], axis=1) * samples).astype(int)
+        for pixel, (begin, end) in zip(spoilt, ends, strict=True):
+            lost[pixel, begin : end + 1] = True
         return lost
 
     def _band_limited(self, noise: Array32, block: int) -> Array32:

@@ -48,7 +48,7 @@ def within(share, count):
     return 3.9 * np.sqrt(share * (1 - share) / count)
 
 
-@pytest.mark.one_in(2)
+@pytest.mark.one_in(4)
 @pytest.mark.parametrize("kind", PERIODIC)
 @pytest.mark.parametrize("pixels", [60, pytest.param(800, marks=pytest.mark.long)])
 def test_periodic_excitation_has_no_bias_and_honest_bounds(five_modes, kind, pixels):
@@ -109,7 +109,7 @@ def test_noise_is_not_taken_for_leakage(five_modes):
     noisy = replace(five_modes, noise=(15.0, 0.001))
     made = design(ExcitationKind.random, seconds=3.2)
     rng = np.random.default_rng(1)
-    sums = noisy.sums(Response(), made, 10, rng, 10)
+    sums = noisy.sums(Response(), made, 10, rng, 4)
     coherence = Response().response(sums, made).coherence
     assert np.median(coherence[:, noisy.peaks(made.frequency)]) < 0.9
     assert find_response_findings(sums, made, "left") == []
@@ -126,7 +126,7 @@ def test_coherence_tells_the_bias_of_a_window():
     assert 1 - rectangle == pytest.approx((1 - np.exp(-rate)) / rate, abs=1e-3)
 
 
-@pytest.mark.one_in(2)
+@pytest.mark.one_in(4)
 @pytest.mark.parametrize(
     ("seconds", "noise", "kinds"),
     [

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +24,7 @@ from sldvexp.reconstruction.least_squares import rank_of
 from sldvexp.typing import Array, BoolArray, IndexArray
 
 #: Samples that stay in the cache, whatever is computed of them.
-SAMPLES_AT_ONCE = 4096
+SAMPLES_IN_CACHE = 4096
 #: Fewest rows that make a sample worth keeping.
 FEWEST_ROWS = 2
 #: Components of a velocity.
@@ -164,8 +163,8 @@ class SampleLeastSquares:
     def _some_products(self) -> Iterator[tuple[slice, Array, Array]]:
         """Multiply N and T of some samples, which are last: (parameter, parameter or view, ...)."""
         count, _, parameters = self.design.shape
-        for first in range(0, count, SAMPLES_AT_ONCE):
-            here = slice(first, first + SAMPLES_AT_ONCE)
+        for first in range(0, count, SAMPLES_IN_CACHE):
+            here = slice(first, first + SAMPLES_IN_CACHE)
             x = np.ascontiguousarray(np.moveaxis(self.design[here], 0, -1))
             t = self.weight[here].times_last(x)
             n = np.empty((parameters, parameters, x.shape[-1]))
@@ -529,7 +528,7 @@ def _inverse(m: Array) -> Array:
     all of them that is ten times as fast as LAPACK, one after the other.
     """
     if len(m) != AXES:
-        return np.moveaxis(np.linalg.inv(np.moveaxis(m, -1, 0)), 0, -1)
+        return np.moveaxis(np.asarray(np.linalg.inv(np.moveaxis(m, -1, 0)), float), 0, -1)
     inverse = np.empty_like(m)
     for i, j, k in CYCLES:
         for p, q, r in CYCLES:
