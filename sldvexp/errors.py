@@ -152,6 +152,8 @@ def _meant(name: str, valid: Sequence[str]) -> str | None:
     """Find the valid name that was probably meant."""
     if (synonym := SYNONYMS.get(name)) in valid:
         return synonym
+    if name and name in valid:  # as it is asked before anybody knows whether it has to be told
+        return name
     slips = [(_slips(name.casefold(), each.casefold()), each) for each in valid]
     fewest, alike = min(slips, default=(math.inf, None))
     if fewest <= max(1, len(name) // 3) and 2 * fewest < len(name):

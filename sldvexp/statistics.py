@@ -66,22 +66,24 @@ def f_test(
     >>> round(float(test.critical), 3), round(float(test.p_value), 4), bool(test.reject)
     (4.103, 0.0529, False)
     """
-    f, p, q = np.broadcast_arrays(
-        np.asarray(statistic, float),
-        np.asarray(numerator_dof, float),
-        np.asarray(denominator_dof, float),
-    )
+    # What all statistics have in common is computed once: quantiles cost more than all else here.
+    p, q = np.broadcast_arrays(np.asarray(numerator_dof, float), np.asarray(denominator_dof, float))
     known, none = np.isinf(q), ~(q > 0)
     finite = np.where(known | none, 1.0, q)
-    p_value = np.where(known, scipy.special.chdtrc(p, p * f), scipy.special.fdtrc(p, finite, f))
     critical = np.where(
         known,
         scipy.special.chdtri(p, 1 - confidence) / p,
         scipy.special.fdtri(p, finite, confidence),
     )
-    p_value, critical = np.where(none, np.nan, p_value), np.where(none, np.nan, critical)
+    critical = np.where(none, np.nan, critical)
+    f = np.asarray(statistic, float)
+    p_value = scipy.special.fdtrc(p, finite, f)
+    if known.any():
+        p_value = np.where(known, scipy.special.chdtrc(p, p * f), p_value)
+    p_value = np.where(none, np.nan, p_value)
+    f, p, q, critical = np.broadcast_arrays(f, p, q, critical)
     with np.errstate(invalid="ignore"):
-        return FTest(f, (p, q), p_value, critical, f > critical)
+        return FTest(f, (p, q), p_value, critical.copy(), f > critical)
 
 
 def nested_f_test(

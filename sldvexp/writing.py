@@ -17,6 +17,7 @@ import time
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import BinaryIO
 
 from sldvexp.errors import UserError
 from sldvexp.stopping import is_alive
@@ -118,11 +119,28 @@ def whole_or_nothing(path: Path, lasting: bool = True) -> Iterator[Path]:
     UserError
         If the folder is missing or not writable, or the disk is full.
     """
+    with _replacing(path, lasting) as beside:
+        beside.touch()
+        yield beside
+
+
+@contextmanager
+def whole_file(path: Path, lasting: bool = True) -> Iterator[BinaryIO]:
+    """Give a file to write bytes to, as `whole_or_nothing` gives a path.
+
+    Opened once, many small ones take a third less time.
+    """
+    with _replacing(path, lasting) as beside, beside.open("xb") as file:
+        yield file
+
+
+@contextmanager
+def _replacing(path: Path, lasting: bool) -> Iterator[Path]:
+    """Give the path of a file that is to be made, and put it in its place when all went well."""
     beside = path.with_name(f".{path.stem}.{_here()}{path.suffix}")
     lasting = lasting and NEW not in path.parts
     try:
         beside.unlink(missing_ok=True)  # a link would lead elsewhere
-        beside.touch()
         yield beside
         if lasting:
             sync(beside)

@@ -86,6 +86,14 @@ hypothesis.settings.register_profile("all examples", deadline=None)
 hypothesis.settings.register_profile("any machine", deadline=None, max_examples=30)
 hypothesis.settings.load_profile("any machine")
 
+# Numbers and words that stand in the sources would be drawn now and then: which, is decided by the
+# modules that happen to be imported, and to look for them takes every process 3 s.
+with suppress(ImportError):  # other releases look for none, or do it elsewhere
+    from hypothesis.internal.conjecture import providers
+    from hypothesis.internal.constants_ast import Constants
+
+    providers._get_local_constants = Constants
+
 #: Rooms with the longest tests, which begin first: at the end a worker waits for little.
 LONGEST_FIRST = (
     *("experiments", "console", "handbook", "report", "session", "modes", "planner", "sweep"),

@@ -278,7 +278,7 @@ KNOWN = VELOCITIES | DISPLACEMENTS | ACCELERATIONS
 
 
 @settings(
-    max_examples=3 * settings.default.max_examples, deadline=None, derandomize=True, database=None
+    max_examples=settings.default.max_examples, deadline=None, derandomize=True, database=None
 )
 @given(
     st.sampled_from(sorted(MORE) + sorted(KNOWN)),
@@ -291,7 +291,7 @@ def test_a_strange_character_is_never_passed_over(text, at, strange):
 
 
 @settings(
-    max_examples=3 * settings.default.max_examples, deadline=None, derandomize=True, database=None
+    max_examples=settings.default.max_examples, deadline=None, derandomize=True, database=None
 )
 @given(st.text(max_size=20))
 def test_any_text_is_understood_or_asked_about(text):

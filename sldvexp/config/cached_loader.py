@@ -89,6 +89,14 @@ def name_of_composition(
     return told.hexdigest()
 
 
+class WrongSettingError(Exception):
+    """A value that cannot be set, with what Hydra says of it."""
+
+    def __init__(self, error: Exception) -> None:
+        super().__init__(error)
+        self.error = error
+
+
 class RememberingLoader(NamingLoader):
     """Hydra's loader, which remembers what it composed for each set of choices."""
 
@@ -105,11 +113,18 @@ class RememberingLoader(NamingLoader):
         from_shell: bool = True,
         validate_sweep_overrides: bool = True,
     ) -> DictConfig:
-        with suppress(Exception):  # Hydra has the words for what is wrong, if anything is
+        refused = None
+        try:
             parsed = OverridesParser.create().parse_overrides(overrides)
             if validate_sweep_overrides:
                 self.validate_sweep_overrides_legal(parsed, run_mode, from_shell)
             return self._on_top(parsed, config_name)
+        except WrongSettingError as told:
+            refused = told.error
+        except Exception:  # Hydra has the words for what else is wrong
+            pass
+        if refused is not None:
+            raise refused
         return super()._load_configuration_impl(
             config_name, overrides, run_mode, from_shell, validate_sweep_overrides
         )
@@ -120,7 +135,10 @@ class RememberingLoader(NamingLoader):
         choosing = [str(o.input_line) for o in overrides if o not in setting]
         config = self._composed(config_name, tuple(choosing))
         for override in (o for o in setting if not o.is_sweep_override()):
-            self._apply_overrides_to_config([override], config)
+            try:
+                self._apply_overrides_to_config([override], config)
+            except Exception as error:  # of Hydra's own function, in its words
+                raise WrongSettingError(error) from None
         task = [o for o in overrides if not o.is_hydra_override()]
         config.hydra.overrides.task = [o.input_line for o in task]
         config.hydra.overrides.hydra = [o.input_line for o in overrides if o.is_hydra_override()]

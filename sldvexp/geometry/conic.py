@@ -16,8 +16,9 @@ from numpy.typing import ArrayLike
 
 from sldvexp.typing import Array, BoolArray
 
-#: Newton's steps for the foot of a perpendicular; near the curve it takes five.
-FOOT_ITERATIONS = 100
+#: Newton's steps for the foot of a perpendicular, near the curve three; the last one, over the way
+#: to the pole, whose square is what is left of the error.
+FOOT_ITERATIONS, FOOT_SETTLED = 100, 1e-9
 
 #: Derivative of a line conic by s_xx, s_yy and s_xy.
 SHAPE_ENTRIES = np.zeros((3, 3, 3))
@@ -236,8 +237,9 @@ def signed_distance(points: ArrayLike, parameters: ArrayLike) -> tuple[Array, Ar
     """Measure orthogonal distances of points from an ellipse, with its outward normals there.
 
     In the principal frame the foot of (x, y) is ``a^2 x / (t + a^2), b^2 y / (t + b^2)`` with t the
-    largest root of ``(a x / (t + a^2))^2 + (b y / (t + b^2))^2 = 1``. That is convex and falling
-    there, so that Newton's method from a smaller t cannot overshoot.
+    largest root of ``F(t) = (a x / (t + a^2))^2 + (b y / (t + b^2))^2 = 1``. ``1 / sqrt(F)``, a
+    mean of two straight lines, rises there and is concave, so that Newton's method never ends
+    beyond the root, wherever it comes from; of a circle one step finds it.
 
     Parameters
     ----------
@@ -252,20 +254,23 @@ def signed_distance(points: ArrayLike, parameters: ArrayLike) -> tuple[Array, Ar
     """
     p = np.asarray(parameters, float)
     axes, directions = principal_axes(p)
-    axes = axes[..., None, :]
+    a, b = axes[..., :1], axes[..., 1:]
     local = (np.asarray(points, float) - p[..., None, :2]) @ directions
-    size = np.maximum(np.abs(local), 1e-8 * axes)  # on an axis the root may hide at a pole
-    t = np.max(axes * size - axes**2, axis=-1)
+    # on an axis the root may hide at a pole
+    x, y = np.maximum(np.abs(local[..., 0]), 1e-8 * a), np.maximum(np.abs(local[..., 1]), 1e-8 * b)
+    least = np.maximum(a * x - a**2, b * y - b**2)
+    squares, t = ((a * x) ** 2, (b * y) ** 2), np.zeros_like(x)
     for _ in range(FOOT_ITERATIONS):
-        pole = t[..., None] + axes**2
-        square = (axes * size / pole) ** 2
-        step = (square.sum(-1) - 1.0) / (2.0 * (square / pole).sum(-1))
-        t = t + step
-        if np.all(np.abs(step) <= 1e-15 * axes[..., 0] ** 2):
+        by_a, by_b = 1.0 / (t + a**2), 1.0 / (t + b**2)
+        of_a, of_b = squares[0] * by_a**2, squares[1] * by_b**2
+        total = of_a + of_b
+        step = total * (np.sqrt(total) - 1.0) / (of_a * by_a + of_b * by_b)
+        t = np.maximum(t + step, least)
+        if np.all(np.abs(step) * by_b <= FOOT_SETTLED):
             break
-    gradient = np.copysign(size, local) / (t[..., None] + axes**2)
-    length = np.linalg.norm(gradient, axis=-1)
-    normal = (gradient / length[..., None]) @ np.swapaxes(directions, -1, -2)
+    gradient = np.stack([x / (t + a**2), y / (t + b**2)], axis=-1)
+    length = np.sqrt(gradient[..., 0] ** 2 + gradient[..., 1] ** 2)
+    normal = (np.copysign(gradient, local) / length[..., None]) @ np.swapaxes(directions, -1, -2)
     return t * length, normal
 
 

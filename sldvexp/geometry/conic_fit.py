@@ -115,6 +115,7 @@ def fit_ellipse(
     method: str = "likelihood",
     reject: float = 4.0,
     name: str = "the circle",
+    start: ConicFit | None = None,
 ) -> ConicFit:
     """Fit an ellipse through edge points, with outliers rejected.
 
@@ -133,6 +134,9 @@ def fit_ellipse(
         Points farther from the ellipse than this many standard errors are outliers.
     name : str
         Name of the circle in messages.
+    start : ConicFit, optional
+        Of the same points, a little elsewhere; its ellipse and its outliers are where this fit
+        begins.
 
     Raises
     ------
@@ -161,7 +165,8 @@ def fit_ellipse(
     along = None if direction is None else np.asarray(direction, float)
     points = ScaledPoints((place - mean) / scale, error / scale, along)
     try:
-        parameters, used = _without_outliers(points, method, reject, known=std is not None)
+        begin = None if start is None else _scaled(start, mean, scale)
+        parameters, used = _without_outliers(points, method, reject, std is not None, begin)
     except NoEllipseError:
         seen = _seen(place, arc)
         raise UserError(
@@ -175,16 +180,30 @@ def fit_ellipse(
     if std is None:
         dof = np.count_nonzero(used) - NUMBERS
         variance = max(float(np.sum((distance / across)[used] ** 2)) / dof, ROUNDING**2)
-    unit = np.array([scale, scale, scale**2, scale**2, scale**2])
-    change = unit[:, None] * gain(points[used], parameters, method)
+    unit = _unit(scale)
+    change = unit[:, None] * gain(points[used], normal[used], parameters, method)
     shifted = unit * parameters + np.array([*mean, 0.0, 0.0, 0.0])
     ellipse = Ellipse(shifted, variance * change @ change.T)
     _check_determined(ellipse, _seen(place[used], arc), name)
     return ConicFit(ellipse, scale * distance, np.sqrt(variance) * scale * across, used, arc)
 
 
+def _unit(scale: float) -> Array:
+    """Give the five numbers of an ellipse in units of a spread of points."""
+    return np.array([scale, scale, scale**2, scale**2, scale**2])
+
+
+def _scaled(fit: ConicFit, mean: Array, scale: float) -> tuple[Array, BoolArray]:
+    """Give an ellipse in units of the points' spread, relative to their mean; which it used."""
+    return (fit.ellipse.parameters - np.array([*mean, 0.0, 0.0, 0.0])) / _unit(scale), fit.used
+
+
 def _without_outliers(
-    points: ScaledPoints, method: str, reject: float, known: bool
+    points: ScaledPoints,
+    method: str,
+    reject: float,
+    known: bool,
+    begin: tuple[Array, BoolArray] | None,
 ) -> tuple[Array, BoolArray]:
     """Fit, reject what is far, fit again, until the same points remain.
 
@@ -193,8 +212,11 @@ def _without_outliers(
     there: of few points those that count at all would else not come back.
     """
     least = 1.0 if known else ROUNDING
-    parameters = least_quantile(points.position)
-    used = _near(points, parameters, reject, least)
+    if begin is None:
+        parameters = least_quantile(points.position)
+        used = _near(points, parameters, reject, least)
+    else:
+        parameters, used = begin
     for _ in range(ROUNDS):
         parameters = METHODS[method](points[used], parameters)
         near = _near(points, parameters, reject, least, used)
@@ -321,9 +343,24 @@ def algebraic_conic(position: Array, std: ArrayLike = 1.0) -> Array:
     """
     weight = 1.0 / np.broadcast_to(std, position.shape[:-1])
     rows = weight[..., None] * _data(position)
-    a, b, c, d, e = np.moveaxis(-(np.linalg.pinv(rows) @ weight[..., None])[..., 0], -1, 0)
+    found: Array = -(np.linalg.pinv(rows) @ weight[..., None])[..., 0]
+    return _conic(found)
+
+
+def _conic(numbers: Array) -> Array:
+    """Make the matrix of Eq 4.22 with F = 1 of A to E, shape (..., 3, 3)."""
+    a, b, c, d, e = np.moveaxis(numbers, -1, 0)
     matrix = [[a, c / 2, d / 2], [c / 2, b, e / 2], [d / 2, e / 2, np.ones_like(a)]]
     return np.stack([np.stack(row, axis=-1) for row in matrix], axis=-2)
+
+
+def _through(position: Array) -> Array:
+    """Make the conics through sets of five points, shape (..., 3, 3)."""
+    try:
+        found = np.linalg.solve(_data(position), np.full((*position.shape[:-1], 1), -1.0))
+    except np.linalg.LinAlgError:  # of points that coincide
+        return algebraic_conic(position)
+    return _conic(np.asarray(found[..., 0], float))
 
 
 def algebraic(points: ScaledPoints, start: Array) -> Array:
@@ -335,9 +372,10 @@ def algebraic(points: ScaledPoints, start: Array) -> Array:
 def likelihood(points: ScaledPoints, start: Array) -> Array:
     """Estimate five numbers by least squares of orthogonal distances over standard errors.
 
-    Gauss-Newton; a step that leaves the ellipses is halved until it does not.
+    Gauss-Newton; a step that leaves the ellipses is halved until it does not. It has settled once
+    the next step, which is taken as smaller by as much as this one is, would change nothing.
     """
-    parameters = start
+    parameters, before = start, 1.0
     for _ in range(STEPS):
         distance, normal = signed_distance(points.position, parameters)
         weight = 1.0 / points.across(normal)
@@ -346,8 +384,10 @@ def likelihood(points: ScaledPoints, start: Array) -> Array:
         while not is_ellipse(parameters + step) and np.abs(step).max() > SETTLED:
             step /= 2.0
         parameters = _ellipse(parameters + step)
-        if np.abs(step).max() < SETTLED:
+        size = float(np.abs(step).max())
+        if size * min(size / before, 1.0) < SETTLED:
             return parameters
+        before = size
     raise NoEllipseError
 
 
@@ -358,13 +398,12 @@ METHODS: dict[str, Callable[[ScaledPoints, Array], Array]] = {
 }
 
 
-def gain(points: ScaledPoints, parameters: Array, method: str) -> Array:
+def gain(points: ScaledPoints, normal: Array, parameters: Array, method: str) -> Array:
     """Differentiate the five numbers by each point's error in standard errors, shape (5, n).
 
     Of the likelihood, the pseudoinverse of the distances' derivative; of Eq 4.19, where a point
     that moves by d across the edge changes its row by ``|gradient| d``, that of [Data].
     """
-    _, normal = signed_distance(points.position, parameters)
     weight = 1.0 / points.across(normal)
     if method == "likelihood":
         jacobian = weight[:, None] * distance_jacobian(normal, parameters)
@@ -396,7 +435,7 @@ def _least_quantile(shape: tuple[int, ...], content: bytes) -> Array:
     fraction = np.outer(np.arange(SUBSETS), np.sqrt([2.0, 3.0, 5.0, 7.0, 11.0])) % 1.0
     member = [s[(f * len(s)).astype(int)] for s, f in zip(sectors, fraction.T, strict=True)]
     subset = position[np.stack(member, axis=-1)]
-    conics = np.concatenate([algebraic_conic(subset), algebraic_conic(position)[None]])
+    conics = np.concatenate([_through(subset), algebraic_conic(position)[None]])
     candidates = from_point_conic(conics)
     candidates = candidates[np.isfinite(candidates).all(axis=-1) & is_ellipse(candidates)]
     if not len(candidates):

@@ -129,14 +129,18 @@ def profile_edges(lines: ScanLines, edges_per_line: int, window: int) -> ScanLin
     found = candidates(lines, edges_per_line, window)
     edge, std, width = found.edge.copy(), found.std.copy(), found.width.copy()
     reason = found.reason.copy()
+    gain = np.zeros((len(edge), lines.magnitude.shape[1]))
     good = np.flatnonzero(is_edge(reason))
     if len(good):
         profiles = _fit(lines, found, good)
         fits, inflation = _judge(profiles, found.rising[good])
         edge[good], width[good] = profiles.edge, profiles.width
         std[good] = profiles.edge_std * inflation
+        # Places beyond the ends of a line stand for its last pixels, and have no gain.
+        np.add.at(gain, (good[:, None], found.around[good]), profiles.gain)
         reason[good[~fits]] = Reason.profile
-    return _edges(lines, found, edge, std, width, reason)
+    edges = _edges(lines, found, edge, std, width, reason)
+    return replace(edges, gain=gain[is_edge(reason)])
 
 
 def _fit(lines: ScanLines, found: Candidates, good: IndexArray) -> Profiles:

@@ -24,12 +24,16 @@ ITERATIONS = 60
 LEAST_DAMPING = 1e-12
 #: Change of chi square, relative or absolute, at which an edge has settled.
 SETTLED = 1e-10
+#: The same of a fit that only tells which pixels stand out.
+ROUGHLY = 1e-6
 #: Width, in pixels, below which no pixel lies on the slope: then the edge is between two of them.
 NARROWEST = 0.3
 #: Pixels farther from the profile than this many robust standard deviations are left out.
 REJECT = 5.0
 #: Stands for zero where a division needs a number.
 TINY = 1e-30
+#: Of the four numbers' matrices.
+DIAGONAL = np.arange(4)
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,6 +46,8 @@ class Profiles:
     before, after : ndarray, shape (n,), the unit of the magnitude
     edge_std : ndarray, shape (n,)
         Standard error of the edge from the pixels' standard errors.
+    gain : ndarray, shape (n, pixel)
+        Derivative of the edge by each pixel's magnitude; none of what lies between two pixels.
     chi_square : ndarray, shape (n,)
     dof : ndarray of int, shape (n,)
     resolved : ndarray of bool, shape (n,)
@@ -55,6 +61,7 @@ class Profiles:
     before: Array
     after: Array
     edge_std: Array
+    gain: Array
     chi_square: Array
     dof: NDArray[np.int_]
     resolved: BoolArray
@@ -96,7 +103,7 @@ def fit_profiles(
     along : ndarray, shape (n, pixel), steps
         Never falling along a row.
     magnitude, smooth : ndarray, shape (n, pixel)
-        As measured and median-filtered.
+        As measured and median-filtered; one and the same where no pixel can stand out.
     weight : ndarray, shape (n, pixel)
         One over the standard error; zero for pixels that do not count.
     start : ndarray, shape (n, 4)
@@ -104,13 +111,14 @@ def fit_profiles(
     pitch : ndarray, shape (n,), steps
         Distance between pixels.
     """
-    numbers, _ = _least_squares(along, smooth, weight, start, pitch)
-    weight = _without_outliers(along, magnitude, weight, numbers, pitch)
-    numbers, settled = _least_squares(along, magnitude, weight, numbers, pitch)
+    if smooth is not magnitude:
+        start, _ = _least_squares(along, smooth, weight, start, pitch, ROUGHLY)
+        weight = _without_outliers(along, magnitude, weight, start, pitch)
+    numbers, settled = _least_squares(along, magnitude, weight, start, pitch)
 
-    model, jacobian = step_profile(along, numbers)
+    rows, left = _weighed(along, weight * magnitude, weight, numbers)
+    edge_std, gain = _of_edge(rows)
     resolved = _resolved(numbers, pitch)
-    rows = weight[..., None] * jacobian
     between = pitch / np.sqrt(12.0)  # of two pixels: every place is as likely
     inside = (numbers[:, 0] > along[:, 0]) & (numbers[:, 0] < along[:, -1])
     return Profiles(
@@ -118,23 +126,31 @@ def fit_profiles(
         width=np.exp(numbers[:, 1]),
         before=numbers[:, 2],
         after=numbers[:, 3],
-        edge_std=np.where(resolved, _edge_std(rows), between),
-        chi_square=np.sum((weight * (magnitude - model)) ** 2, axis=1),
+        edge_std=np.where(resolved, edge_std, between),
+        gain=np.where(resolved[:, None], gain * weight, 0.0),
+        chi_square=(left * left).sum(axis=1),
         dof=np.count_nonzero(weight, axis=1) - 4,
         resolved=resolved,
         settled=(settled | ~resolved) & inside,
     )
 
 
-def _edge_std(rows: Array) -> Array:
-    """Compute standard error of the first of four numbers.
+def _of_edge(rows: Array) -> tuple[Array, Array]:
+    """Compute standard error of the first of four numbers, and its derivative by what was weighed.
 
     Huge where the pixels do not determine it.
+
+    Returns
+    -------
+    std : ndarray, shape (n,)
+    gain : ndarray, shape (n, pixel)
     """
-    normal = np.swapaxes(rows, 1, 2) @ rows
-    scale = np.sqrt(np.maximum(np.einsum("nii->ni", normal), TINY))
+    normal = rows @ np.swapaxes(rows, 1, 2)
+    scale = np.sqrt(np.maximum(normal[:, DIAGONAL, DIAGONAL], TINY))
     correlation = normal / (scale[:, :, None] * scale[:, None, :]) + 1e-12 * np.eye(4)
-    return np.sqrt(np.linalg.inv(correlation)[:, 0, 0]) / scale[:, 0]
+    first = np.linalg.inv(correlation)[:, 0]
+    gain = ((first / (scale[:, :1] * scale))[:, None] @ rows)[:, 0]
+    return np.sqrt(first[:, 0]) / scale[:, 0], gain
 
 
 def _without_outliers(
@@ -156,35 +172,70 @@ def _resolved(numbers: Array, pitch: Array) -> BoolArray:
 
 
 def _least_squares(
-    along: Array, magnitude: Array, weight: Array, start: Array, pitch: Array
+    along: Array,
+    magnitude: Array,
+    weight: Array,
+    start: Array,
+    pitch: Array,
+    settled_at: float = SETTLED,
 ) -> tuple[Array, BoolArray]:
-    """Fit every row by Levenberg-Marquardt with its own damping; which rows settled."""
-    narrowest = np.log(NARROWEST * pitch)
-    widest = np.log(along[:, -1] - along[:, 0])
-    numbers = start.copy()
-    numbers[:, 1] = np.clip(numbers[:, 1], narrowest, widest)
-    damping = np.full(len(start), 1e-3)
-    settled = np.zeros(len(start), bool)
-    model, jacobian = step_profile(along, numbers)
-    cost = np.sum((weight * (magnitude - model)) ** 2, axis=1)
+    """Fit every row by Levenberg-Marquardt with its own damping; which rows settled.
+
+    A row that has settled is left alone: few that do not would have all others computed as often.
+    """
+    low, high = np.log(NARROWEST * pitch), np.log(along[:, -1] - along[:, 0])
+    numbers, settled = start.copy(), np.zeros(len(start), bool)
+    numbers[:, 1] = np.clip(numbers[:, 1], low, high)
+    told, damping = weight * magnitude, np.full(len(start), 1e-3)
+    rows, left = _weighed(along, told, weight, numbers)
+    open_, at, cost = np.arange(len(start)), numbers.copy(), (left * left).sum(axis=1)
     for _ in range(ITERATIONS):
-        rows = weight[..., None] * jacobian
-        normal = np.swapaxes(rows, 1, 2) @ rows
-        scale = np.maximum(np.einsum("nii->ni", normal), TINY)
-        normal += damping[:, None, None] * scale[:, None, :] * np.eye(4)
-        pull = np.einsum("npi,np->ni", rows, weight * (magnitude - model))
-        step = np.linalg.solve(normal, pull[..., None])[..., 0]
-        trial = numbers + step
-        trial[:, 1] = np.clip(trial[:, 1], narrowest, widest)
-        trial_model, trial_jacobian = step_profile(along, trial)
-        trial_cost = np.sum((weight * (magnitude - trial_model)) ** 2, axis=1)
+        trial = at + _step(rows, left, damping)
+        trial[:, 1] = np.minimum(np.maximum(trial[:, 1], low), high)
+        trial_rows, trial_left = _weighed(along, told, weight, trial)
+        trial_cost = (trial_left * trial_left).sum(axis=1)
         better = trial_cost <= cost
-        settled |= np.abs(cost - trial_cost) <= SETTLED * (cost + 1.0)
+        done = np.abs(cost - trial_cost) <= settled_at * (cost + 1.0)
         damping = np.maximum(np.where(better, damping / 10.0, damping * 10.0), LEAST_DAMPING)
-        numbers = np.where(better[:, None], trial, numbers)
-        model = np.where(better[:, None], trial_model, model)
-        jacobian = np.where(better[:, None, None], trial_jacobian, jacobian)
+        at = np.where(better[:, None], trial, at)
+        rows = np.where(better[:, None, None], trial_rows, rows)
+        left = np.where(better[:, None], trial_left, left)
         cost = np.where(better, trial_cost, cost)
-        if settled.all():
+        numbers[open_], settled[open_] = at, done
+        if done.all():
             break
+        if done.any():
+            open_, along, told, weight, low, high, at, rows, left, cost, damping = (
+                each[~done]
+                for each in (open_, along, told, weight, low, high, at, rows, left, cost, damping)
+            )
     return numbers, settled
+
+
+def _step(rows: Array, left: Array, damping: Array) -> Array:
+    """Solve the damped normal equations of each row, shape (n, 4)."""
+    normal = rows @ np.swapaxes(rows, 1, 2)
+    own = normal[:, DIAGONAL, DIAGONAL]
+    normal[:, DIAGONAL, DIAGONAL] = own + damping[:, None] * np.maximum(own, TINY)
+    return np.asarray(np.linalg.solve(normal, rows @ left[..., None])[..., 0])
+
+
+def _weighed(along: Array, told: Array, weight: Array, numbers: Array) -> tuple[Array, Array]:
+    """Differentiate `step_profile`, over standard errors, and take it from what was measured.
+
+    Returns
+    -------
+    rows : ndarray, shape (n, 4, pixel)
+    left : ndarray, shape (n, pixel)
+    """
+    edge, log_width, before, after = numbers.T[..., None]
+    inverse = np.exp(-log_width)
+    u = (along - edge) * inverse
+    rows = np.empty((len(along), 4, along.shape[1]))
+    slope = np.exp(-0.5 * u * u) * weight
+    slope *= (before - after) / np.sqrt(2.0 * np.pi)
+    np.multiply(slope, inverse, out=rows[:, 0])
+    np.multiply(slope, u, out=rows[:, 1])
+    np.multiply(scipy.special.ndtr(u), weight, out=rows[:, 3])
+    np.subtract(weight, rows[:, 3], out=rows[:, 2])
+    return rows, told - before * rows[:, 2] - after * rows[:, 3]

@@ -125,6 +125,7 @@ def pinhole_edges(laser: TwoMirror, edges: ScanLineEdges) -> ScanLineEdges:
         width=edges.width * stretch,
         reach=None if edges.reach is None else edges.reach * stretch[:, None],
         growth_std=None if edges.growth_std is None else edges.growth_std * stretch[:, None],
+        gain=None if edges.gain is None else edges.gain * stretch[:, None],
     )
 
 
@@ -142,6 +143,7 @@ def dac_edges(laser: TwoMirror, edges: ScanLineEdges) -> ScanLineEdges:
         width=edges.width * stretch,
         reach=None if edges.reach is None else edges.reach * stretch[:, None],
         growth_std=None if edges.growth_std is None else edges.growth_std * stretch[:, None],
+        gain=None if edges.gain is None else edges.gain * stretch[:, None],
     )
 
 
@@ -284,9 +286,9 @@ def _freed(edges: ScanLineEdges, method: str) -> tuple[ConicFit, ScanLineEdges]:
         most = float(np.max(change / edges.std))
         if most > last:
             open_ = replace(moved, std=np.hypot(edges.std, change))
-            return _fit(open_, method), open_
+            return _fit(open_, method, fit), open_
         moved = _moved(edges, -offset)
-        fit, last = _fit(moved, method), most
+        fit, last = _fit(moved, method, fit), most
         # The next change is about this one times by how much the profile is not a straight
         # edge's: for a sharp spot one round is enough.
         if most * np.abs(widening - 1.0).max() <= SETTLED:
@@ -336,5 +338,11 @@ def _to_ellipse(edges: ScanLineEdges, numbers: Array) -> Array:
     return np.where(nearest > 0, nearest - half, nearest + half)
 
 
-def _fit(edges: ScanLineEdges, method: str) -> ConicFit:
-    return fit_ellipse(edges.position, edges.std, edges.direction, method=method, name=edges.name)
+def _fit(edges: ScanLineEdges, method: str, before: ConicFit | None = None) -> ConicFit:
+    """Fit an ellipse, by least distances from where another one was before.
+
+    Eq 4.19 has no steps to save, and its weights are those of where it begins.
+    """
+    start = before if method == "likelihood" else None
+    place = edges.position, edges.std, edges.direction
+    return fit_ellipse(*place, method=method, name=edges.name, start=start)

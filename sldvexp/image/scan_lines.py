@@ -211,6 +211,8 @@ class ScanLineEdges:
     growth_std : ndarray, shape (n, 2), steps, optional
         How far two independent errors of the motion's growth over the circle move the edges along
         the scan lines, all together, one standard deviation each (`sldvexp.image.uneven_motion`).
+    gain : ndarray, shape (n, pixel), steps over the magnitude's unit, optional
+        How far each pixel of the edge's line moves it along the line.
     """
 
     position: Array
@@ -225,6 +227,7 @@ class ScanLineEdges:
     name: str
     reach: Array | None = None
     growth_std: Array | None = None
+    gain: Array | None = None
 
     def counts(self) -> dict[Reason, int]:
         """Count how many candidates were rejected for each reason."""

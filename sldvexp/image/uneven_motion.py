@@ -32,7 +32,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sldvexp.errors import UserError
-from sldvexp.geometry.blurred_disc import part_of_disc
+from sldvexp.geometry.blurred_disc import part_and_changes
 from sldvexp.geometry.conic import shape_matrix
 from sldvexp.image.pinhole import fit_circle, lines_at_ellipse
 from sldvexp.image.scan_lines import ScanLineEdges, ScanLines
@@ -49,8 +49,8 @@ SPOT = 1.0
 ROUNDS = 2
 #: Pixels farther from the model than this many robust standard deviations do not count.
 REJECT = 4.0
-#: Nodes of the light, exact to 1e-5 of it; steps of derivatives, in widths of the spot.
-NODES, STEP = 32, 0.05
+#: Nodes of the light, exact to 1e-5 of it.
+NODES = 32
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,7 +151,7 @@ def _growth_std(
     noisy = [replace(even, magnitude=even.magnitude + field) for field in fields]
     uneven = [growth.evened(lines, beside) for beside in root.T]
     own, by_growth = (
-        np.stack([_shift(edges, find(one), len(lines.std)) for one in each], axis=-1)
+        np.stack([_shift(find, edges, even, one) for one in each], axis=-1)
         for each in (noisy, uneven)
     )
     std = edges.std[:, None]
@@ -160,10 +160,24 @@ def _growth_std(
     return np.asarray(by_growth @ axes * np.sqrt(np.maximum(size, 0.0)))
 
 
-def _shift(edges: ScanLineEdges, others: ScanLineEdges, lines: int) -> Array:
-    """Measure how far ahead on the same lines other edges are, none where there is none."""
-    ahead, is_there = np.zeros((lines, 2)), np.zeros(lines, bool)
-    ahead[others.line], is_there[others.line] = others.position, True
+def _shift(
+    find: Callable[[ScanLines], ScanLineEdges],
+    edges: ScanLineEdges,
+    lines: ScanLines,
+    others: ScanLines,
+) -> Array:
+    """Measure how far ahead other magnitudes of the same lines move edges, shape (n,), steps.
+
+    To first order, if it is known how each pixel moves them: pixels that come to count, or to stand
+    out, with the change are none of the error's doing. Otherwise edges are found anew, and one that
+    is not found did not move.
+    """
+    if edges.gain is not None:
+        change = np.where(lines.flag, 0.0, others.magnitude - lines.magnitude)
+        return np.asarray((edges.gain * change[edges.line]).sum(axis=-1))
+    found = find(others)
+    ahead, is_there = np.zeros((len(lines.std), 2)), np.zeros(len(lines.std), bool)
+    ahead[found.line], is_there[found.line] = found.position, True
     away = np.sum((ahead[edges.line] - edges.position) * edges.direction, axis=-1)
     return np.where(is_there[edges.line], away, 0.0)
 
@@ -257,21 +271,16 @@ def _parts(
     -------
     part : ndarray, shape (n, pixel)
     by_place : ndarray, shape (n, pixel)
-        By a step along the scan line, in any unit.
+        Along the scan line.
     by_spot : ndarray, shape (n, pixel, 3)
         By the spot's variances and covariance, relative to its mean variance.
     """
     to_disc = np.linalg.inv(np.linalg.cholesky(shape_matrix(numbers)))
     variance = float(np.trace(spot)) / 2.0
-    step = STEP * np.sqrt(variance) * direction[:, None]
-
-    def part(away: Array, spot: Array) -> Array:
-        return part_of_disc(away @ to_disc.T, to_disc @ spot @ to_disc.T, NODES)
-
-    middle = part(away, spot)
-    changes = STEP * variance * np.array([[[1, 0], [0, 0]], [[0, 0], [0, 1]], [[0, 0.5], [0.5, 0]]])
-    by_spot = [(part(away, spot + c) - part(away, spot - c)) / (2.0 * STEP) for c in changes]
-    return middle, part(away + step, spot) - part(away - step, spot), np.stack(by_spot, axis=-1)
+    part, gradient, second = part_and_changes(away @ to_disc.T, to_disc @ spot @ to_disc.T, NODES)
+    by_place = ((gradient @ to_disc) * direction[:, None]).sum(axis=-1)
+    by_light = variance / 2.0 * (to_disc.T @ second @ to_disc)
+    return part, by_place, by_light[..., [0, 1, 0], [0, 1, 1]]
 
 
 def _solve(

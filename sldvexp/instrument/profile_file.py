@@ -28,7 +28,7 @@ SUFFIXES = (".yaml", ".yml")
 LARGEST_PICTURE = 2000
 
 
-class _Texts(yaml.BaseLoader):
+class _Texts(yaml.constructor.BaseConstructor):
     """YAML whose values stay the text that was written: a command ``OFF`` is not a `False`."""
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
@@ -40,6 +40,22 @@ class _Texts(yaml.BaseLoader):
                 raise yaml.MarkedYAMLError(problem=told, problem_mark=key.start_mark)
             seen.add(name)
         return super().construct_mapping(node, deep)
+
+
+class _WordedTexts(_Texts, yaml.BaseLoader):
+    """The usual parser, which has the better words."""
+
+
+class _CompiledTexts(_Texts, getattr(yaml, "CBaseLoader", yaml.BaseLoader)):  # type: ignore[misc]
+    """The parser that is compiled, where there is one."""
+
+
+def _texts_of(text: str) -> Any:
+    """Read the tables, lists and texts of a profile."""
+    try:
+        return load_yaml(text, _CompiledTexts)
+    except yaml.YAMLError:
+        return load_yaml(text, _WordedTexts)
 
 
 def profile_path(name: str) -> Path:
@@ -77,7 +93,7 @@ def load_profile(name: str) -> Profile:
     """
     path = profile_path(name)
     try:
-        content = load_yaml(read_text(path, YAML_BYTES), _Texts)
+        content = _texts_of(read_text(path, YAML_BYTES))
     except yaml.YAMLError as error:
         mark = getattr(error, "problem_mark", None)
         line = f", line {mark.line + 1}" if mark else ""

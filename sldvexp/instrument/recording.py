@@ -37,7 +37,7 @@ from sldvexp.limits import too_much_claimed
 from sldvexp.signal import ExcitationKind, LineChoice, ResponseSums
 from sldvexp.targets import Target
 from sldvexp.typing import Array, IntArray
-from sldvexp.writing import make_folder, whole_or_nothing
+from sldvexp.writing import make_folder, whole_file
 
 #: Arrays of a kept line, and the kinds of numbers that each may have.
 KINDS = {"dac": "iu", "asked": "f", "counts": "iu", "volts_per_count": "f", "status": "iu"}
@@ -85,7 +85,7 @@ def write_line(
             "status": samples.status,
         }
     make_folder(path.parent)
-    with whole_or_nothing(path, lasting) as beside, beside.open("wb") as file:
+    with whole_file(path, lasting) as file:
         write_arrays(file, dac=np.asarray(dac), asked=asked(acquisition), **found)
 
 

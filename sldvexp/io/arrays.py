@@ -53,16 +53,17 @@ def write_arrays(file: BinaryIO, **arrays: NDArray[np.generic]) -> None:
     if sum(array.nbytes for array in arrays.values()) > LARGEST:
         np.savez(file, **arrays)  # type: ignore[arg-type]
         return
-    parts, entries, at = [], [], 0
+    parts: list[bytes | memoryview] = []
+    entries, at = [], 0
     for name, array in arrays.items():
         content = np.ascontiguousarray(array).reshape(array.shape)
-        head, data = _head(content.dtype, content.shape), content.tobytes()
+        head, data = _head(content.dtype, content.shape), content.reshape(-1).view(np.uint8).data
         entry, size = f"{name}.npy".encode(), len(head) + len(data)
         about = _about(zlib.crc32(data, zlib.crc32(head)), size, len(entry))
         parts += [ENTRY.pack(b"PK\3\4", VERSION, *about), entry, head, data]
         entries.append((entry, about, at))
         at += ENTRY.size + len(entry) + size
-    file.write(b"".join([*parts, _end(entries, at)]))
+    file.writelines([*parts, _end(entries, at)])
 
 
 def read_arrays(content: bytes) -> dict[str, NDArray[np.generic]] | None:

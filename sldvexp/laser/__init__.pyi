@@ -5,6 +5,7 @@ from .aiming import dac_of_points as dac_of_points
 from .model import direction_cosines as direction_cosines
 from .model import project as project
 from .model import project_jacobian as project_jacobian
+from .model import project_with_directions as project_with_directions
 from .model import rays as rays
 from .outline import Crossings as Crossings
 from .outline import PartOutline as PartOutline

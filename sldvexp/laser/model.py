@@ -38,6 +38,41 @@ def project(points: ArrayLike, mirror_offset: ArrayLike = 0.0) -> Array:
     return np.stack([up_down, left_right], axis=-1)
 
 
+def project_with_directions(points: Array, mirror_offset: float) -> tuple[Array, Array]:
+    """Give the mirror angles of points, see `project`, with their `direction_cosines`.
+
+    Both come from the same lengths, without functions of the angles.
+
+    Parameters
+    ----------
+    points : ndarray, shape (point, 3), m
+        In the laser frame.
+
+    Returns
+    -------
+    angles : ndarray, shape (point, 2), rad
+    directions : ndarray, shape (point, 3)
+        In laser axes.
+
+    Examples
+    --------
+    >>> angles, directions = project_with_directions(np.array([[0.1, 0.2, 2.0]]), 0.03)
+    >>> angles.round(4), directions.round(4)
+    (array([[0.0997, 0.049 ]]), array([[-0.049 , -0.0994, -0.9938]]))
+    """
+    x, y, z = np.ascontiguousarray(points.T)
+    radius = np.sqrt(y * y + z * z)
+    reach = radius + mirror_offset
+    distance = np.sqrt(x * x + reach * reach)
+    angles = np.stack([np.arctan2(y, z), np.arctan2(x, reach)], axis=-1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        turned = reach / (distance * radius)
+        directions = -np.stack([x / distance, turned * y, turned * z]).T
+    if not radius.all():  # on the axis of a mirror, where an angle is taken to be 0
+        directions[radius == 0] = direction_cosines(angles[radius == 0])
+    return angles, directions
+
+
 def project_jacobian(points: ArrayLike, mirror_offset: ArrayLike = 0.0) -> tuple[Array, Array]:
     """Differentiate `project` by the point and by the mirror offset.
 

@@ -317,15 +317,17 @@ class TwoMirror:
     def _solve(self, name: str, angle: Array) -> Array:
         """Solve for the u of each angle, by Newton's method inside a bracket that holds the root.
 
-        The polynomial is monotonic, so that the sign of the excess says which side to keep; a step
-        out of the bracket is replaced by a halving of it.
+        Of a straight line it is known at once. The polynomial is monotonic, so that the sign of the
+        excess says which side to keep; a step out of the bracket is replaced by a halving of it.
         """
         coefficients = getattr(self, name).coefficients
+        lowest = self.board.value[0] / self.board.value[1]
+        u = np.clip((angle - coefficients[0]) / coefficients[1], lowest, 1.0)
+        if len(coefficients) == 2:  # a straight line
+            return u
         slopes = polynomial.polyder(coefficients)
         sign = np.sign(coefficients[1])
-        below = np.full(angle.shape, self.board.value[0] / self.board.value[1])
-        above = np.ones(angle.shape)
-        u = np.clip((angle - coefficients[0]) / coefficients[1], below, above)
+        below, above = np.full(angle.shape, lowest), np.ones(angle.shape)
         for _ in range(ITERATIONS):
             excess = sign * (self._angle(name, u) - angle)
             below = np.where(excess < 0, u, below)

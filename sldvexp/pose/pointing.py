@@ -22,7 +22,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -89,6 +89,20 @@ class EllipseResiduals:
         base, _ = np.linalg.qr(root[:, None] * self.design)
         residual = root * self.distance
         return weight, residual - base @ (base.T @ residual), base
+
+    @cached_property
+    def span(self) -> Array:
+        """Orthonormal columns that the ellipse's numbers span where all errors are alike."""
+        return np.asarray(np.linalg.qr(self.design)[0])
+
+    def excess(self, variance: float) -> float:
+        """Compute ``sum (P d)^2 - tr P`` with pointing noise of a variance."""
+        weight = 1.0 / (self.std**2 + variance)
+        weighed = weight[:, None] * self.span
+        sides = np.column_stack([weighed.T @ self.distance, weighed.T @ weighed])
+        solved = np.linalg.solve(self.span.T @ weighed, sides)
+        left = weight * self.distance - weighed @ solved[:, 0]
+        return float(left @ left - weight.sum() + np.trace(solved[:, 1:]))
 
     @property
     def freedom(self) -> int:
@@ -296,11 +310,7 @@ def pointing_variance(residuals: Sequence[EllipseResiduals]) -> float:
     """
 
     def excess(variance: float) -> float:
-        total = 0.0
-        for r in residuals:
-            weight, residual, base = r.whitened(variance)
-            total += weight @ residual**2 - weight @ (1.0 - (base**2).sum(axis=1))
-        return float(total)
+        return sum(r.excess(variance) for r in residuals)
 
     if excess(0.0) <= 0.0:
         return 0.0

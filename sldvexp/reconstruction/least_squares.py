@@ -153,26 +153,30 @@ class Factor:
     null: Array | None
 
 
-def rank_of(matrices: Array, tolerance: float) -> IntArray:
+def rank_of(matrices: Array, tolerance: float, combination: Array | None = None) -> IntArray:
     """Count singular values above `tolerance` times the largest.
 
     Parameters
     ----------
     matrices : ndarray, shape (point, row, parameter)
+    combination : ndarray, shape (combined, row), optional
+        What all of them are multiplied by first.
 
     Returns
     -------
     ndarray of int, shape (point,)
     """
-    rows, parameters = matrices.shape[-2:]
+    parameters = matrices.shape[-1]
+    rows = matrices.shape[-2] if combination is None else len(combination)
     if rows >= parameters:
         # Of eigenvalues with sum tr, the smallest is at least det / (tr / (p - 1))**(p - 1).
-        gram = _grams(matrices)
+        gram = _grams(matrices, combination)
         trace = np.trace(gram)
         smallest = _determinant(gram) * (parameters - 1) ** (parameters - 1)
         if np.all(smallest > max(tolerance**2, GRAM_LIMIT) * trace**parameters):
             return np.full(matrices.shape[:-2], parameters)
-    sigma = np.linalg.svd(matrices, compute_uv=False)
+    combined = matrices if combination is None else combination @ matrices
+    sigma = np.linalg.svd(combined, compute_uv=False)
     return np.sum(sigma > tolerance * sigma[..., :1], axis=-1)
 
 
@@ -180,14 +184,16 @@ def rank_of(matrices: Array, tolerance: float) -> IntArray:
 POINTS_AT_ONCE = 8192
 
 
-def _grams(matrices: Array) -> Array:
+def _grams(matrices: Array, combination: Array | None = None) -> Array:
     """Compute ``G^T G``, shape (parameter, parameter, ...); an entry runs over all matrices."""
     rows, parameters = matrices.shape[-2:]
     flat = matrices.reshape(-1, rows, parameters)
     found = np.empty((parameters, parameters, len(flat)))
     for first in range(0, len(flat), POINTS_AT_ONCE):
         some = slice(first, first + POINTS_AT_ONCE)
-        g = np.moveaxis(flat[some], 0, -1).copy()
+        g = np.ascontiguousarray(np.moveaxis(flat[some], 0, -1))
+        if combination is not None:
+            g = np.tensordot(combination, g, axes=1)
         for i, j in np.ndindex(parameters, parameters):
             if i <= j:
                 found[i, j, some] = found[j, i, some] = np.einsum("rp,rp->p", g[:, i], g[:, j])

@@ -171,7 +171,7 @@ def _first_met(
         Barycentric coordinates.
     """
     corners = surface.nodes[surface.prisms.triangles]
-    in_laser = to_laser(view, corners)
+    in_laser = to_laser(view, surface.nodes)[surface.prisms.triangles]
     ahead = np.flatnonzero((in_laser[..., 2] > 0).all(axis=1))
     if not len(ahead) or not len(begin):
         return (*np.zeros((2, 0), np.intp), np.zeros(0), np.zeros((0, 3)))
@@ -190,10 +190,14 @@ def _first_met(
 def _meet(begin: Array, way: Array, corners: Array) -> tuple[Array, Array]:
     """Intersect beams with the planes of their triangles: distance and barycentric coordinates."""
     a, b, c = np.moveaxis(corners, 1, 0)
+    one, other, away = b - a, c - a, begin - a
+    # Cramer's rule: determinants of three columns are triple products.
+    across, aside = np.cross(way, other), np.cross(away, one)
+    area = np.einsum("bi,bi->b", one, across)
     with np.errstate(divide="ignore", invalid="ignore"):
-        edges = np.stack([b - a, c - a, -way], axis=2)
-        area = np.linalg.det(edges)
-        edges[area == 0] = np.eye(3)
-        solved = np.linalg.solve(edges, (begin - a)[..., None])[..., 0]
-    s, t, far = np.where((area == 0)[:, None], -1.0, solved).T
+        solved = [
+            np.einsum("bi,bi->b", *pair) / area
+            for pair in ((away, across), (way, aside), (other, aside))
+        ]
+    s, t, far = np.where(area == 0, -1.0, solved)
     return far, np.stack([1 - s - t, s, t], axis=1)

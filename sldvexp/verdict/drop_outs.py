@@ -182,14 +182,13 @@ def _off_neighbours(dac: Array, values: Array, std: Array, some: slice, near: In
         weighted = weight[..., None] * design
         normal = np.swapaxes(weighted, 1, 2) @ design
         normal += 1e-9 * np.trace(normal, axis1=1, axis2=2)[:, None, None] * np.eye(6)
-        inverse = np.linalg.inv(normal)
-        fitted = inverse @ (np.swapaxes(weighted, 1, 2) @ seen)
+        fitted = np.linalg.solve(normal, np.swapaxes(weighted, 1, 2) @ seen)
         left = np.mean(((seen - design @ fitted) / noise) ** 2, axis=2)
         typical = np.maximum(np.median(left, axis=1, keepdims=True), 1.0)
         weight = 1.0 / (1.0 + left / (HALF**2 * typical))
     # Of the neighbours' own noise, by which the prediction at the pixel varies.
-    estimator = inverse[:, :1] @ np.swapaxes(weighted, 1, 2)
-    leverage = np.sum(estimator[:, 0] ** 2, axis=1)
+    first = np.linalg.solve(normal, np.eye(6)[:, :1])
+    leverage = np.sum((weighted @ first)[..., 0] ** 2, axis=1)
     off = np.sum(((values[some] - fitted[:, 0]) / noise[:, 0]) ** 2, axis=1) / (1.0 + leverage)
     sided = np.linalg.norm(away.mean(axis=1), axis=1) > ONE_SIDED * size[:, 0, 0] * np.sqrt(2)
     return np.asarray(np.where(sided, np.nan, off / typical[:, 0]))

@@ -102,7 +102,8 @@ def local_std(view: View, pixels: IndexArray) -> Array:
     square = np.square(view.std).reshape(len(view.std), -1)[pixels]
     if len(pixels) > AROUND and np.ptp(square) > 0:
         _, near = scipy.spatial.cKDTree(view.dac[pixels]).query(view.dac[pixels], AROUND)
-        square = sum(square[neighbour] for neighbour in near.T) / AROUND  # one at a time in memory
+        # One neighbour at a time in memory.
+        square = sum(square.take(neighbour, axis=0) for neighbour in near.T.copy()) / AROUND
     return np.broadcast_to(np.sqrt(square), view.velocity[pixels].shape)
 
 

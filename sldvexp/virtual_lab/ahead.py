@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from sldvexp.instrument import InstrumentError
 from sldvexp.typing import Array, IntArray
-from sldvexp.virtual_lab.electronics import PixelNoise
+from sldvexp.virtual_lab.electronics import UNIFORMS, PixelNoise
 from sldvexp.virtual_lab.pointing import MirrorPath
 
 #: Pixels computed at once, filled up if they are fewer: arithmetic in arrays of one shape gives a
@@ -104,8 +104,10 @@ class AnnouncedLines:
         for some, found, stretches in stretches_of(owner, numbers, BLOCK):
             blocks.append(self._block(steps[some], stretches, [ways[k] for k in found]))
         counts, status = (np.concatenate(each) for each in zip(*blocks, strict=True))
+        ends = np.cumsum([len(dac) for dac, _ in taken]).tolist()
+        own = [slice(end - len(dac), end) for end, (dac, _) in zip(ends, taken, strict=True)]
         return {
-            number: (dac, counts[owner == k], status[owner == k], ways[k])
+            number: (dac, counts[own[k]], status[own[k]], ways[k])
             for k, (dac, number) in enumerate(taken)
         }
 
@@ -143,6 +145,10 @@ def drawn(
     noise: PixelNoise, stretches: Sequence[Stretch], samples: int
 ) -> tuple[Array, NDArray[np.float32]]:
     """Draw the random numbers of pixels, each its own; see `PixelNoise.draw`."""
-    found = [noise.draw(*stretch, samples) for stretch in stretches]
-    uniform, normal = zip(*found, strict=True)
-    return np.concatenate(uniform), np.concatenate(normal)
+    ends = np.cumsum([stretch.pixels for stretch in stretches]).tolist()
+    uniform = np.empty((ends[-1], UNIFORMS))
+    normal = np.empty((ends[-1], 2, samples), np.float32)
+    for stretch, end in zip(stretches, ends, strict=True):
+        own = slice(end - stretch.pixels, end)
+        noise.fill(stretch.stream, stretch.first, uniform[own], normal[own])
+    return uniform, normal

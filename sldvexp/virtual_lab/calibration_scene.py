@@ -197,6 +197,8 @@ class CalibrationObject(SceneObject):
         The distance is that to the nearest washer.
         """
         distance, circle = self._nearest(beams)
+        if not np.isfinite(distance).any():  # as of whole blocks that look elsewhere
+            return distance, np.zeros((len(distance), 2))
         hit = np.where(np.isfinite(distance), distance, 0.0)
         normal, speaker = self.axes[circle, 2], self.velocity[circle]
         away = beams.origin + hit[:, None] * beams.direction - self.center[circle]

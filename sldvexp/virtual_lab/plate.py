@@ -365,6 +365,9 @@ class VibratingPlate(SceneObject):
     def _seen_of_side(self, origin: Array, direction: Array) -> tuple[Array, Array, BoolArray]:
         """Compute distances, velocities of modes along beams, and which beams come from behind."""
         distance, place = self.surface.meet(origin, direction)
+        if not np.isfinite(distance).any():  # as of whole blocks that look elsewhere
+            nothing = np.zeros((len(distance), len(self.modes.frequency)))
+            return distance, nothing, np.zeros(len(distance), bool)
         to_instrument = np.einsum("bij,bj->bi", self.surface.frame(place), -direction)
         along_sight = np.einsum("bmi,bi->bm", self._motion(place), to_instrument)
         return distance, along_sight, np.isfinite(distance) & (to_instrument[:, 2] < 0)

@@ -85,9 +85,9 @@ class MirrorPath:
 
     def __init__(self, terms: PointingTerms, mirrors: TwoMirror, line: int) -> None:
         self._terms = terms
-        self._mirrors = mirrors
+        self._ways = mirrors.ways
         self._drift = terms.drift * line / LINES
-        self._angle = mirrors.angle_from_dac(np.zeros(len(MIRRORS)))
+        self._dac = np.zeros(len(MIRRORS))
         self._direction = np.zeros(len(MIRRORS))
 
     def error(self, dac: ArrayLike, normal: Array) -> Array:
@@ -104,11 +104,13 @@ class MirrorPath:
         -------
         ndarray, shape (pixel, 2), rad
         """
-        angle = np.concatenate([self._angle[None], self._mirrors.angle_from_dac(dac)])
-        turned = np.concatenate([self._direction[None], np.sign(np.diff(angle, axis=0))])
+        steps = np.concatenate([self._dac[None], np.asarray(dac, float)])
+        # Angles follow the steps one way over the whole range.
+        turns = np.sign(steps[1:] - steps[:-1]) * self._ways
+        turned = np.concatenate([self._direction[None], turns])
         # Where nothing turned, the last pixel that did tells the direction.
         last = np.maximum.accumulate(np.where(turned != 0, np.arange(len(turned))[:, None], 0))
         direction = np.take_along_axis(turned, last, axis=0)
-        self._angle, self._direction = angle[-1], direction[-1]
+        self._dac, self._direction = steps[-1], direction[-1]
         t = self._terms
         return t.jitter * normal - direction[1:] * t.hysteresis / 2 + self._drift

@@ -27,11 +27,21 @@ def named():
 
 
 NAMED = dict(named())
-EXAMPLES = [name for name, thing in NAMED.items() if ">>>" in (inspect.getdoc(thing) or "")]
+#: Whose examples take longest, of functions that other tests call as well.
+LONG = {
+    *("sldvexp.verdict.examine_views", "sldvexp.planner.plan", "sldvexp.planner.next_stand"),
+    *("sldvexp.field.estimate_field", "sldvexp.shell.estimate_surface"),
+}
+EXAMPLES = [
+    pytest.param(name, marks=[pytest.mark.whole] * (name in LONG))
+    for name, thing in NAMED.items()
+    if ">>>" in (inspect.getdoc(thing) or "")
+]
 
 
 def test_rooms_have_faces():
     assert len(NAMED) > 60
+    assert NAMED.keys() >= LONG
 
 
 @pytest.mark.parametrize("name", [n for n, t in NAMED.items() if inspect.isfunction(t)])

@@ -12,6 +12,7 @@ ROOT = Path(__file__).parents[2]
 LONGEST = 600
 
 
+@pytest.mark.whole  # as `lint-imports`, which a change must pass, too
 def test_imports_flow_one_way():
     lint = Path(sys.executable).with_name("lint-imports")
     done = subprocess.run([lint], cwd=ROOT, capture_output=True, text=True)
@@ -32,6 +33,7 @@ def test_configurations_name_no_code():
     assert [p for p in (ROOT / "conf").rglob("*.yaml") if "_target_" in p.read_text()] == []
 
 
+@pytest.mark.whole
 def test_plugins_load_nothing_heavy(loaded_by):
     """Composing a configuration imports what it chooses, which must not take a second."""
     code = (

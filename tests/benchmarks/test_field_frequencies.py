@@ -59,6 +59,7 @@ def columns(
             yield name, getattr(together, name)[..., frequency], getattr(alone, name)[..., 0]
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.skipif(FULL_SIZE, reason="done at small size")
 @pytest.mark.parametrize("method", METHODS, ids=lambda m: type(m).__name__.lower())
 def test_a_column_is_what_its_frequency_gives_alone(
@@ -71,7 +72,7 @@ def test_a_column_is_what_its_frequency_gives_alone(
         np.testing.assert_allclose(together, alone, rtol=0, atol=SAME * scale, err_msg=name)
 
 
-@pytest.mark.one_in(2)
+@pytest.mark.whole
 @pytest.mark.skipif(FULL_SIZE, reason="done at small size")
 @pytest.mark.parametrize("method", METHODS, ids=lambda m: type(m).__name__.lower())
 def test_bounds_of_many_frequencies(many: VolumeVisibility, method: Reconstruction) -> None:

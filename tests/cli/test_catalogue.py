@@ -134,6 +134,7 @@ def test_show_has_what_a_file_sets_before_what_a_plugin_does(sldvexp):
     assert "  unit: m\n      one of m, cm," in sldvexp("show", "target=circles").out
 
 
+@pytest.mark.one_in(4)
 @pytest.mark.parametrize(("group", "name"), PLUGINS)
 def test_every_plugin_can_be_shown(group, name):
     plugin = registry.get(group, name)

@@ -28,7 +28,7 @@ QUICK = ("~experiment", "target=dissertation")
 POSE = ("experiment=pose", "check.pose_repeats.repeats=20")
 
 
-@pytest.mark.one_in(2)
+@pytest.mark.one_in(4)
 @pytest.mark.parametrize(
     ("arguments", "answer"),
     [
@@ -136,6 +136,7 @@ def test_write_that_fails_leaves_nothing(sldvexp, monkeypatch):
     assert sorted(f.name for f in done.folder.iterdir()) == [".hydra", ".lock", "sldvexp.log"]
 
 
+@pytest.mark.whole
 def test_sweep_leaves_one_run_for_each_value(sldvexp, tmp_path):
     done = sldvexp("-m", *QUICK, "seed=1,2", "hydra.sweep.dir=sweep")
     assert done.status == 0

@@ -130,10 +130,11 @@ def test_what_is_aimed_beside_a_run_that_goes_on_is_an_experiment_made_of_its_ow
         one.bench.marks.put("1", ("circle", number), steps)
     one.bench.further["write"]({"do": "write", "name": "aimed"})
     file = cut_off.parents[1] / "my" / "experiment" / "aimed.yaml"
-    assert "/experiment/bench" in file.read_text()
-    assert "experiment=aimed seed=3" in file.read_text()
-    made = console.composed(["experiment=aimed"], str(file.parents[1]))
-    assert made.scan.calibration.views["1"].dac[0] == [-371, 1322]
+    text = file.read_text()
+    assert "/experiment/bench" in text
+    assert "experiment=aimed seed=3" in text
+    views = yaml.safe_load(text)["scan"]["calibration"]["views"]
+    assert views["1"]["dac"][0] == [-371, 1322]
 
 
 def test_another_folder_than_that_of_the_run_that_goes_on_is_refused(cut_off, served, tmp_path):

@@ -66,7 +66,7 @@ def test_file_may_ask_for_a_sweep(sldvexp, lab, tmp_path):
     assert (tmp_path / "swept/sweep.nc").is_file()
 
 
-@pytest.mark.one_in(3)
+@pytest.mark.one_in(5)
 @pytest.mark.parametrize(
     "line",
     [
@@ -86,7 +86,6 @@ def test_a_recording_is_played_in_the_place_of_the_instrument_that_a_file_sets(s
     visa = SCAN.replace("NAME", "1").replace("instrument: simulated", "instrument: visa")
     lab(x=f"{visa}instrument: {{resource: TCPIP::192.0.2.1::5025::SOCKET, timeout: 5.0}}\n")
     line = ("--config-dir", "my", "experiment=x", "--cfg", "job", "-p", "instrument")
-    assert "resource: TCPIP::192.0.2.1::5025::SOCKET" in sldvexp(*line).out
     done = sldvexp(*line, "instrument=replay", "instrument.path=outputs/before")
     assert (done.status, done.err) == (0, "")
     assert "path: outputs/before\n" in done.out
@@ -162,7 +161,7 @@ def test_mistake_is_told_with_its_file_whatever_lies_beside(
     assert (done.status, done.err) == (1, f"sldvexp: {told}\n")
 
 
-@pytest.mark.one_in(2)
+@pytest.mark.one_in(4)
 @pytest.mark.parametrize(
     ("setting", "told"),
     [

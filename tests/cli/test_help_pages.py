@@ -10,6 +10,7 @@ from sldvexp.cli.commands import COMMANDS
 PAGES = [(), *((name,) for name in COMMANDS)]
 
 
+@pytest.mark.one_in(4)
 @pytest.mark.parametrize("columns", [80, 120, 200])
 @pytest.mark.parametrize("words", PAGES, ids=" ".join)
 def test_help_fits_its_terminal_with_nothing_cut(sldvexp, monkeypatch, columns, words):

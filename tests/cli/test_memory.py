@@ -37,6 +37,7 @@ library.fflush(out)
 
 
 @pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="of GNU's C library")
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("heaps", ["one", "many"])
 def test_threads_share_one_heap(heaps):
     call = [sys.executable, "-c", PROGRAM, heaps]

@@ -117,6 +117,7 @@ def test_users_folder_builds_on_a_package(sldvexp, installed, tmp_path):
     )
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize(
     ("arguments", "answer"),
     [
@@ -169,6 +170,7 @@ def test_broken_package_names_itself_and_breaks_nothing(
     assert registry.get("pose", "given").__module__ == "sldvexp.pose.given"
 
 
+@pytest.mark.whole
 def test_broken_package_gets_one_line(tmp_path):
     package(tmp_path / "broken", "stranger", "1 / 0")
     done = subprocess.run(
@@ -223,7 +225,7 @@ class Failing(Reconstruction):
 """
 
 
-@pytest.mark.one_in(3)
+@pytest.mark.one_in(5)
 @pytest.mark.parametrize(
     ("at_once", "later", "told"),
     [

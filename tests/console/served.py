@@ -65,12 +65,16 @@ class Page(Browser):
 
     def __init__(self, address: str, size: tuple[int, int], dark: bool = False) -> None:
         super().__init__()
-        self.size(*size)
-        if dark:
-            scheme = {"name": "prefers-color-scheme", "value": "dark"}
-            self.command("Emulation.setEmulatedMedia", features=[scheme])
         self.address = address
-        self.open_address(address)
+        self.renew(size, dark)
+
+    def renew(self, size: tuple[int, int], dark: bool = False) -> None:
+        """Come anew, in a window of a size, and forget whatever was done here."""
+        self.size(*size)
+        scheme = {"name": "prefers-color-scheme", "value": "dark" if dark else "light"}
+        self.command("Emulation.setEmulatedMedia", features=[scheme])
+        self.open_address("about:blank")  # an address that is only loaded anew scrolls back
+        self.open_address(self.address)
         self.until(lambda: "Connecting" not in self.text("who"))
 
     def until(self, condition) -> None:

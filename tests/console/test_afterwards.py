@@ -27,10 +27,11 @@ from tests.console.conftest import PATIENCE
 def scanned(lab_experiment, tmp_path_factory):
     """Circles of two views, and the experiment that has nothing else."""
     calibration = lab_experiment.scan.calibration
-    fine = replace(calibration.fine, lines=12)
+    coarse = replace(calibration.coarse, lines=3, pixels=150)
+    fine = replace(calibration.fine, lines=8)
     views = {name: calibration.views[name] for name in ("1", "2")}
     views["2"] = replace(views["2"], circles=[1, 2, 3, 4])
-    scan = replace(calibration, views=views, fine=fine)
+    scan = replace(calibration, views=views, coarse=coarse, fine=fine)
     made = replace(lab_experiment, scan=scan)
     return made, scan_views(made, tmp_path_factory.mktemp("journal"))
 

@@ -21,6 +21,8 @@ HAND = [
     *("~experiment", "target=fiducials", "scene=annular_plate", "scan=by_hand"),
     *("instrument=simulated", "pose=registration"),
     "scene.views={a: {euler: [0.1, 2.9, 0.3], origin: [0.3, 0.2, 1.7]}}",
+    # How the plate moves does not matter, and each shape has to be found.
+    *(f"~scene.plate.modes.{n}_diameter{'s' * (n != 'one')}" for n in ("one", "two", "three")),
 ]
 
 

@@ -57,7 +57,8 @@ def looking(box):
     made.bench.leave()
 
 
-@pytest.mark.parametrize("view", ["3", pytest.param("4", marks=pytest.mark.whole)])
+@pytest.mark.whole
+@pytest.mark.parametrize("view", ["3", "4"])
 def test_a_look_at_all_says_which_spot_is_which_circle_and_marks_go_before_spots(
     looking, lab, view
 ):
@@ -77,9 +78,8 @@ def test_a_look_at_all_says_which_spot_is_which_circle_and_marks_go_before_spots
     assert max(looking.off(true)[1:]) < 150
 
 
-@pytest.mark.parametrize(
-    ("view", "asks"), [("3", False), pytest.param("4", True, marks=pytest.mark.whole)]
-)
+@pytest.mark.whole
+@pytest.mark.parametrize(("view", "asks"), [("3", False), ("4", True)])
 def test_a_near_look_takes_the_right_spot_or_asks_which(looking, lab, view, asks):
     lab.use_view(view)
     true = lab.true_dac(lab.calibration_object.center)
@@ -141,7 +141,7 @@ def seen_by(true, area, low, high, rng):
     return SpotsSeen([LookedAt(low, high, spots)])
 
 
-@pytest.mark.parametrize("times", [2, pytest.param(25, marks=pytest.mark.whole)])
+@pytest.mark.parametrize("times", [1, pytest.param(25, marks=pytest.mark.whole)])
 def test_hardly_a_circle_is_taken_for_another_whatever_the_rough_pose(box, lab, times):
     """Of near looks, which have one spot to three, some ask; wider ones hardly do."""
     rng, wrong, asked, count = np.random.default_rng(5), 0, [], 0

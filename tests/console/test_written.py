@@ -57,7 +57,7 @@ def test_aimed_experiment_is_the_other_one_with_the_places_that_were_marked(fold
 
 
 def test_file_that_is_there_stays_unless_it_may_be_replaced(folder, marks):
-    scan = marks.settings(composed(["experiment=bench"], str(folder)))
+    scan = marks.settings(Experiment(scan=CalibrationScan()))
     path = write_experiment(folder, "mine", ["experiment=bench"], scan)
     path.write_text("dear to somebody")
     with pytest.raises(UserError, match="exists; take another name"):
@@ -89,7 +89,8 @@ def test_console_replaces_what_it_wrote_itself_and_nothing_that_was_changed(fold
 
 def test_file_and_what_is_told_of_it_follow_the_marks(folder):
     words = ["experiment=bench"]
-    console = Console(composed(words, str(folder)), words, folder, None, None)
+    base = composed(words, str(folder))
+    console = Console(base, words, folder, None, None)
     console.server._socket.close()  # nobody is served
     path = folder / "experiment" / "mine.yaml"
 
@@ -110,7 +111,7 @@ def test_file_and_what_is_told_of_it_follow_the_marks(folder):
     assert told() == f"{path} has no marks any more; {command} what the console began with"
     made = composed(["experiment=mine"], str(folder))
     assert made.scan.calibration.views == {}
-    assert made == composed(words, str(folder))
+    assert made == base
     console.bench._do({"do": "redo"})
     assert "Write brings it up to date" in told()
     console._write({"do": "write", "name": "mine"})

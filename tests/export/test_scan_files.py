@@ -52,7 +52,7 @@ def test_figure_4_28_is_written_as_it_stands(tmp_path):
         assert list(map(float, one[1:])) == list(map(float, other[1:]))
 
 
-@pytest.mark.one_in(3)
+@pytest.mark.one_in(12)
 @pytest.mark.parametrize("inverted", [[], [MirrorName.up_down]])
 @pytest.mark.parametrize("unit", LengthUnit)
 def test_the_same_pose_is_found_from_the_file(unit, inverted, tmp_path):

@@ -38,14 +38,19 @@ def mode(position: np.ndarray) -> np.ndarray:
     return np.stack([-9 * z * np.cos(9 * x + 1), np.sin(5 * x * y) + z, deflection], axis=-1)
 
 
-@pytest.mark.one_in(2)
+@pytest.mark.one_in(4)
+@pytest.mark.parametrize("sizes", [(9, 17), (9, 17, 33)], ids=len)
 @pytest.mark.parametrize("name", ["absolute", "contravariant"])
 def test_refinement(
-    make_plate: Make, make_every_sample: Make, six_points: SampleRule, name: str
+    make_plate: Make,
+    make_every_sample: Make,
+    six_points: SampleRule,
+    name: str,
+    sizes: tuple[int, ...],
 ) -> None:
     """The error falls with the square of the elements' size."""
     errors, fine = [], tensor_rule(7, 3)
-    for n in (9, 17, 33):
+    for n in sizes:
         prisms = make_plate((n, n), 3)
         nothing = np.zeros((prisms.nodes, 3, 1))
         looks = make_every_sample(prisms, six_points, 4, nothing)

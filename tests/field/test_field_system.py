@@ -184,11 +184,12 @@ def dense_rows(a: np.ndarray, x: np.ndarray, std: np.ndarray | None) -> tuple[np
 def test_rows_at_samples(rows: str, generalised: bool, intercept: bool, seed: int) -> None:
     """Where views are missing: literally the rows that are left, or all that they span."""
     rng = np.random.default_rng(seed)
-    directions = rng.normal(size=(40, 5, 3))
-    valid, std = rng.random((40, 5)) < 0.8, rng.uniform(0.5, 2, (40, 5))
+    directions = rng.normal(size=(15, 5, 3))
+    valid, std = rng.random((15, 5)) < 0.8, rng.uniform(0.5, 2, (15, 5))
     a = parse(rows, NAMES).matrix
     at = RowModel(a, intercept, generalised, 1e-9, complete=False).at(directions, valid, std)
-    for s in range(40):
+    information, estimator = at.products()
+    for s in range(15):
         x = np.concatenate([directions[s], np.ones((5, 1))], axis=1)[:, : 4 if intercept else 3]
         missing = a[:, ~valid[s]]
         if generalised:  # rows that span {A^T y: no missing view}
@@ -199,13 +200,43 @@ def test_rows_at_samples(rows: str, generalised: bool, intercept: bool, seed: in
             left = a[~np.any(missing != 0, axis=1)]
         if len(left) < 2:
             assert at.rows[s] == 0
-            assert not at.estimator[s].any()
+            assert not estimator[s].any()
             continue
         n, t = dense_rows(left, x, std[s] if generalised else None)
-        np.testing.assert_allclose(at.information[s], n, atol=1e-8 * np.abs(n).max())
-        np.testing.assert_allclose(at.estimator[s], t, atol=1e-8 * np.abs(t).max())
+        np.testing.assert_allclose(information[s], n, atol=1e-8 * np.abs(n).max())
+        np.testing.assert_allclose(estimator[s], t, atol=1e-8 * np.abs(t).max())
         assert at.rank[s] == np.linalg.matrix_rank(left @ x, tol=1e-9)
         assert at.rows[s] == len(left)
+
+
+@pytest.mark.parametrize(("rows", "intercept"), [("all", False), ("all", True), ("few", False)])
+def test_samples_some_at_a_time(
+    rows: str, intercept: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Normal equations and their solutions are those of each sample by itself."""
+    rng = np.random.default_rng(6)
+    directions, std = rng.normal(size=(40, 5, 3)), rng.uniform(0.5, 2, (40, 5))
+    valid = rng.random((40, 5)) < 0.7
+    a = differences_from_first(NAMES).matrix if rows == "few" else views(NAMES).matrix
+    generalised, parameters = rows == "all", 4 if intercept else 3
+    monkeypatch.setattr("sldvexp.field.equations.sample_model.SAMPLES_IN_CACHE", 7)
+    at = RowModel(a, intercept, generalised, 1e-9, complete=True).at(directions, valid, std)
+    lost = ~at.kept
+    assert lost.any()
+    assert at.kept.any()
+    weighted = at.weight.times(at.design)
+    last = at.weight.times_last(np.moveaxis(at.design, 0, -1))
+    np.testing.assert_allclose(np.moveaxis(last, -1, 0), weighted, rtol=1e-12, atol=1e-12)
+    information, estimator = at.products()
+    np.testing.assert_allclose(estimator, np.swapaxes(weighted, 1, 2), rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(information, estimator @ at.design, rtol=1e-12, atol=1e-12)
+    inverse, solution = at.solutions()
+    assert not inverse[lost].any()
+    assert not solution[lost].any()
+    expected = np.linalg.inv(information[at.kept])
+    np.testing.assert_allclose(inverse[at.kept], expected, rtol=1e-8, atol=1e-8)
+    x = solution[at.kept] @ at.design[at.kept]
+    np.testing.assert_allclose(x, np.broadcast_to(np.eye(parameters), x.shape), atol=1e-8)
 
 
 def test_rows_of_all_views_and_differences() -> None:
@@ -216,7 +247,7 @@ def test_rows_of_all_views_and_differences() -> None:
     valid[:, 0] = False  # the view that others are subtracted from
     first = RowModel(differences_from_first(NAMES).matrix, False, True, 1e-9, False)
     last = RowModel(parse("2-5,3-5,4-5", NAMES).matrix, False, True, 1e-9, False)
-    one, other = (m.at(directions, valid, std).information for m in (first, last))
+    one, other = (m.at(directions, valid, std).products()[0] for m in (first, last))
     np.testing.assert_allclose(one, other, atol=1e-12)
     literal = RowModel(differences_from_first(NAMES).matrix, False, False, 1e-9, False)
     assert not literal.at(directions, valid, std).kept.any()

@@ -29,7 +29,7 @@ VOLUME = Grid(size=[0.3, 0.3], shape=[4, 4], layers=3, thickness=0.02)
 
 @pytest.fixture
 def views(make_views: Make) -> list[View]:
-    return make_views(4, pixels=20, covariance=1e-8 * np.eye(6))
+    return make_views(4, pixels=9, covariance=1e-8 * np.eye(6))
 
 
 def session(views: list[View]) -> dict[str, xr.Dataset]:

@@ -22,7 +22,7 @@ from sldvexp.pose import pose_to_dataset
 from sldvexp.signal import Flag
 from sldvexp.volume import Grid
 
-LINES, PIXELS, STD = 60, 24, 1e-6
+LINES, PIXELS, STD = 36, 18, 1e-6
 VOLUME = Grid(size=[0.3, 0.3], shape=[9, 9], layers=2, thickness=0.01)
 
 

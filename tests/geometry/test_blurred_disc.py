@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sldvexp.geometry.blurred_disc import part_of_disc
+from sldvexp.geometry.blurred_disc import part_and_changes, part_of_disc
 
 
 @pytest.mark.parametrize("slender", [1.0, 2.0, 3.0])
@@ -41,3 +41,21 @@ def test_half_as_many_nodes() -> None:
 def test_without_extent_it_is_in_or_out() -> None:
     middle = np.array([[0.999, 0.0], [0.0, 1.001]])
     assert part_of_disc(middle, np.zeros((2, 2))).tolist() == [1.0, 0.0]
+
+
+@pytest.mark.parametrize("width", [0.02, 0.1, 0.3, 1.0])
+def test_changes_with_place_and_size(width: float) -> None:
+    """As differences have them, also of spots that reach over the whole disc."""
+    root = width * np.array([[0.8, -0.3], [0.6, 0.4]])
+    light, rng = root @ root.T, np.random.default_rng(3)
+    middle = np.array([0.9, 0.3]) + 2.0 * width * rng.uniform(-1.0, 1.0, (20, 2))
+    part, gradient, hessian = part_and_changes(middle, light)
+    assert part == pytest.approx(part_of_disc(middle, light), abs=0.0)
+    for axis, step in enumerate(1e-4 * width * np.eye(2)):
+        ends = [part_and_changes(middle + by, light)[:2] for by in (step, -step)]
+        by_place, twice = ((a - b) / (2e-4 * width) for a, b in zip(*ends, strict=True))
+        assert gradient[:, axis] == pytest.approx(by_place, abs=1e-6 / width)
+        assert hessian[:, axis] == pytest.approx(twice, abs=1e-6 / width**2)
+    wider = np.array([[0.0, 1.0], [1.0, 0.0]]) * 1e-4 * width**2
+    by_size = (part_of_disc(middle, light + wider) - part_of_disc(middle, light - wider)) / 2e-4
+    assert hessian[:, 0, 1] * width**2 == pytest.approx(by_size, abs=1e-6)

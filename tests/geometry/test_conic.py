@@ -148,3 +148,16 @@ def test_curvature_of_a_circle_and_at_the_ends_of_the_axes() -> None:
     assert conic.curvature(normals, circle) == pytest.approx(np.full(len(TURN), 1 / 40.0))
     ends = conic.curvature(np.eye(2), numbers(0.0, 0.0, 50.0, 20.0, 0.0))
     assert ends == pytest.approx([50.0 / 20.0**2, 20.0 / 50.0**2])
+
+
+def test_three_steps_find_the_foot_of_an_edge(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of points a hundredth of the axes beside the curve, as edges of circles are."""
+    rng = np.random.default_rng(3)
+    ellipse = np.array([100.0, -300.0, 1600.0, 900.0, 200.0])
+    points, normals = conic.boundary(ellipse, rng.uniform(0.0, 2 * np.pi, 200))
+    points = points + rng.uniform(-0.4, 0.4, (200, 1)) * normals
+    found = conic.signed_distance(points, ellipse)
+    monkeypatch.setattr("sldvexp.geometry.conic.FOOT_ITERATIONS", 3)
+    again = conic.signed_distance(points, ellipse)
+    for least, whole in zip(again, found, strict=True):
+        np.testing.assert_allclose(least, whole, rtol=0.0, atol=1e-12)

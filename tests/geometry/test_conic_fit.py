@@ -21,7 +21,7 @@ STD = 0.3
 SHAPES = {"slender": SLENDER, "round": ELLIPSE}
 #: Repeats of a statistical test; its bounds are 4.5 standard errors, of a standard deviation
 #: 1 / sqrt(2 n) and of a mean 1 / sqrt(n).
-COUNT = 200
+COUNT = 80
 #: The dissertation's fine lines.
 LINES = 44
 
@@ -282,3 +282,23 @@ def test_what_is_no_ellipse_is_refused_in_one_sentence(
 def test_unknown_method_names_the_valid_ones() -> None:
     with pytest.raises(UserError, match="algebra; did you mean algebraic\\? Valid: algebraic, lik"):
         fit_ellipse(edge(ELLIPSE, 10)[0], method="algebra")
+
+
+def test_a_fit_goes_on_where_another_was(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of the same points a little elsewhere: with the same outliers, and not from the beginning."""
+    rng = np.random.default_rng(3)
+    points, normals = edge(ELLIPSE, 44)
+    points = points + rng.normal(0.0, STD, (44, 1)) * normals
+    points[[5, 17]] += 30.0
+    before = fit_ellipse(points, STD)
+    assert np.flatnonzero(~before.used).tolist() == [5, 17]
+    points = points + 2.0 * STD * normals
+    anew = fit_ellipse(points, STD)
+
+    def refused(position: np.ndarray) -> np.ndarray:
+        raise AssertionError("begins anew")
+
+    monkeypatch.setattr("sldvexp.geometry.conic_fit.least_quantile", refused)
+    again = fit_ellipse(points, STD, start=before)
+    np.testing.assert_array_equal(again.used, anew.used)
+    np.testing.assert_allclose(again.ellipse.parameters, anew.ellipse.parameters, rtol=1e-9)

@@ -56,12 +56,15 @@ SESSIONS = {
     "first_hour",
     "first_instrument",
     "formats",
+    "models",
     "other_instruments",
     "own_experiments",
     "own_files",
     "own_plate",
     "planning",
+    "python",
     "sweeps",
+    "velocity_images",
 }
 OUTPUT_IS_CUT = "..."
 

@@ -100,7 +100,7 @@ def test_words_within_others_do_not_count_where_there_is_the_word_itself(sldvexp
     assert "  own_files" in sldvexp("handbook", "igitize").out  # of which nothing is known else
 
 
-@pytest.mark.one_in(2)
+@pytest.mark.whole
 @pytest.mark.parametrize("arguments", [[], TOPICS[:1]])
 def test_command_loads_neither_numpy_nor_other_heavy_libraries(loaded_by, arguments):
     code = "from sldvexp.cli import main; main.main()"

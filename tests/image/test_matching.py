@@ -45,13 +45,14 @@ def images(
 @pytest.mark.one_in(8)
 @pytest.mark.parametrize("wiring", WIRINGS)
 @pytest.mark.parametrize("plane", ["one", "two"])
+@pytest.mark.parametrize("rolls", [2, pytest.param(6, marks=pytest.mark.whole)])
 def test_roll_order_and_mirroring_are_found(
-    plane: str, wiring: str, view: Make, figure_4_1: Circles, two_planes: Circles
+    plane: str, wiring: str, rolls: int, view: Make, figure_4_1: Circles, two_planes: Circles
 ) -> None:
     target = figure_4_1 if plane == "one" else two_planes
     matrix, mirrored = WIRINGS[wiring]
     rng = np.random.default_rng(1)
-    for roll in np.linspace(-3.0, 3.0, 6):
+    for roll in np.linspace(-3.0, 3.0, rolls):
         tilt = tuple(rng.uniform(-0.6, 0.6, 2))
         order = rng.permutation(sorted(target.circles)).tolist()
         found = images(target, view(roll=roll, tilt=tilt), order, matrix, rng)

@@ -28,6 +28,7 @@ def test_encodings_and_decimal_commas(name):
         assert list(one["view"].values) == list(two["view"].values)
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16", "utf-16-le", "utf-32", "cp1252"])
 @pytest.mark.parametrize("delimiter", [",", ";", "\t"])
 @pytest.mark.parametrize("end", ["\n", "\r\n"])

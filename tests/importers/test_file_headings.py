@@ -155,6 +155,7 @@ def test_names_of_arrays_state_units_too(tmp_path, ending):
         File(path=str(path), mapping=mapping, unit=VelocityUnit.m_per_s).read()
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize(
     ("name", "units", "unit"),
     [
@@ -171,6 +172,7 @@ def test_unit_in_an_attribute_is_heeded_and_may_agree_with_the_name(tmp_path, na
     np.testing.assert_allclose(group["position"][0], [0.3048, 0.6096, 0.0], rtol=1e-14)
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize(
     ("units", "unit", "said"),
     [
@@ -198,6 +200,7 @@ def spectra(tmp_path, name, units, std_units):
     return {"path": str(path), "mapping": {} if name == "frequency" else {name: "frequency"}}
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize(
     ("name", "units", "factor"),
     [("frequency", "kHz", 1e3), ("f_khz", "kHz", 1e3), ("frequency", "Hz", 1.0), ("f", "", 1.0)],
@@ -208,6 +211,7 @@ def test_frequencies_are_in_the_unit_of_their_attribute(tmp_path, name, units, f
     np.testing.assert_allclose(group["velocity_std"], 0.4, rtol=1e-14)
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize(
     ("name", "units", "std_units", "said"),
     [
@@ -335,6 +339,7 @@ def of_places(tmp_path, suffix, unit):
     return str(path)
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("suffix", ["nc", "xyz.nc", "csv"])
 def test_unit_of_lengths_that_contradicts_the_file_is_refused(tmp_path, suffix):
     path = of_places(tmp_path, suffix, "mm")
@@ -356,6 +361,7 @@ def test_coordinates_in_several_units_are_refused(tmp_path):
         File(path=path).read()
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize(
     ("units", "settings", "factor"),
     [
@@ -372,6 +378,7 @@ def test_attribute_states_the_measure_too_or_settings_answer(tmp_path, units, se
     np.testing.assert_allclose(group["velocity"], 4 * factor, rtol=1e-14)
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize(
     ("name", "units", "settings", "said"),
     [

@@ -63,6 +63,7 @@ def foreign(truth, **variables):
     )
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("form", ["NETCDF4", "NETCDF3_CLASSIC"])
 def test_netcdf_of_others(truth, tmp_path, form):
     path = tmp_path / "other.nc"
@@ -163,7 +164,7 @@ MISTAKES = {
 }
 
 
-@pytest.mark.one_in(4)
+@pytest.mark.one_in(8)
 @pytest.mark.parametrize("name", MISTAKES)
 def test_mistakes_of_a_mapping(truth, tmp_path, name):
     changes, variables, said = MISTAKES[name]
@@ -187,6 +188,7 @@ REMEDIES = [
 ]
 
 
+@pytest.mark.one_in(4)
 @pytest.mark.parametrize(("sizes", "labels", "proposed"), REMEDIES)
 def test_the_mapping_that_is_proposed(tmp_path, sizes, labels, proposed):
     path = tmp_path / "other.nc"

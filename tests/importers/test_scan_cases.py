@@ -202,6 +202,7 @@ READ = {
 }
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "utf-16-le"])
 @pytest.mark.parametrize("name", READ)
 def test_tables_that_are_read(tmp_path, name, encoding):

@@ -171,7 +171,7 @@ SPELLINGS = {
 }
 
 
-@pytest.mark.one_in(3)
+@pytest.mark.one_in(9)
 @pytest.mark.parametrize("encoding", ["utf-8", "latin-1"])
 @pytest.mark.parametrize("unit", SPELLINGS)
 def test_spellings_in_files_that_state_si(uff, tmp_path, unit, encoding):

@@ -88,6 +88,7 @@ def test_one_reference_of_it_is_asked_for_and_says_what_it_cannot_tell(sldvexp, 
     assert "two modes of one frequency and damping would be one here" in shown
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize(
     ("settings", "said"),
     [

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import errno
+
 import numpy as np
 import pytest
 
+from sldvexp import writing
+from sldvexp.errors import UserError
 from sldvexp.instrument import Acquisition, RawSamples, recording
 from sldvexp.instrument.recording import read_line, read_pixels, write_line
 
@@ -64,3 +68,27 @@ def test_a_damaged_line_is_none(line, monkeypatch, at_once):
     line.write_bytes(whole[:place])
     assert read_line(line) is None
     assert read_pixels(line) is None
+
+
+def test_a_line_does_not_follow_a_link_that_was_put_in_its_way(line):
+    """Nor does what is left beside it stop it: the next one takes its place."""
+    name = f"{line.stem}.{writing._here()}{line.suffix}"
+    elsewhere = line.with_name("elsewhere")
+    elsewhere.write_text("mine")
+    for put in (lambda way: way.symlink_to(elsewhere), lambda way: way.write_text("half")):
+        put(line.with_name(f".{name}"))
+        write_line(line, DAC[::-1], ACQUISITION, SAMPLES)
+        np.testing.assert_array_equal(read_pixels(line)[0], DAC[::-1])
+        assert elsewhere.read_text() == "mine"
+        assert sorted(p.name for p in line.parent.iterdir()) == ["elsewhere", line.name]
+
+
+def test_a_line_that_is_not_whole_leaves_the_one_before(line, monkeypatch):
+    def full(*_, **__):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(recording, "write_arrays", full)
+    with pytest.raises(UserError, match=r"line\.npz: cannot be written: No space left on device"):
+        write_line(line, DAC[::-1], ACQUISITION, SAMPLES)
+    np.testing.assert_array_equal(read_pixels(line)[0], DAC)
+    assert [p.name for p in line.parent.iterdir()] == [line.name]

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from sldvexp import errors
 from sldvexp.errors import UserError
 from sldvexp.instrument.profile import CHANNELS
 from sldvexp.instrument.profile_file import load_profile, profile_path
@@ -252,3 +253,9 @@ def test_one_resource_may_be_named(tmp_path):
     plugin = Visa({"dac": "GPIB0::9::INSTR", "adc": "GPIB0::14::INSTR"}, "iotech")
     assert not plugin.takes_views_itself
     assert plugin.inputs() == [str(CONF / "profile" / "iotech.yaml")]
+
+
+def test_names_that_are_known_are_compared_with_no_others(monkeypatch):
+    """Which is slow, and said of wrong ones alone."""
+    monkeypatch.setattr(errors, "_slips", None)
+    assert load_profile("virtual_lab").commands.move

@@ -65,7 +65,7 @@ def true_poses() -> list[tuple[np.ndarray, np.ndarray]]:
 class Measured:
     """Modal images of the lab's plate without noise, to which noise is added seed by seed."""
 
-    def __init__(self, plate: VibratingPlate, views: int = 5, shape: Sequence[int] = (17, 19)):
+    def __init__(self, plate: VibratingPlate, views: int = 5, shape: Sequence[int] = (11, 13)):
         self.plate, self.poses = plate, true_poses()[:views]
         self.dac = [aimed(pose, shape) for pose in self.poses]
         self.frequency = np.array(plate.modes.frequency)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from synthetic import FREQUENCY, LINE, identified, session
+from synthetic import FREQUENCY, LINE, identified, quiet, session
 
 from sldvexp import modes
 from sldvexp.dataset import Severity
@@ -27,13 +27,18 @@ def with_harmonics(seen, share):
 
 
 def test_clean_lines_have_no_findings():
-    for seed in range(2):
+    assert quiet()[2].findings == []
+
+
+@pytest.mark.whole
+def test_clean_lines_of_more_noise_have_no_findings():
+    for seed in range(4):
         assert identified(session(seed, 0.05)[0]).findings == []
 
 
 def test_harmonics_on_other_lines_are_named_with_their_ratio_and_lines_count_for_less():
-    clean, _ = session(1, 0.01)
-    found, before = identified(with_harmonics(clean, 0.005)), identified(clean)
+    clean, _, before = quiet()
+    found = identified(with_harmonics(clean, 0.005))
     told = kinds(found)["harmonics"]
     assert told.severity is Severity.note
     assert "880 (2 x 440)" in told.text
@@ -119,11 +124,12 @@ def test_a_misfit_that_wider_bounds_do_not_repair_is_doubtful():
 def test_noise_that_is_not_as_stated_is_found(stated):
     clean, _ = session(4, 0.1)
     wrong = clean.assign(velocity_std=stated * clean["velocity_std"])
-    told = kinds(identified(wrong))["noise"]
+    found = identified(wrong)
+    told = kinds(found)["noise"]
     # Signals below the stated noise are not counted as such, and add to what is found of it.
     chance = 3.3 / np.sqrt(2 * 2 * clean["velocity"].size)
     assert 1 - chance < told.size * stated < 1.02
-    std = [identified(image).modes["natural_frequency_std"].values for image in (wrong, clean)]
+    std = [each.modes["natural_frequency_std"].values for each in (found, identified(clean))]
     assert std[0] / std[1] == pytest.approx(max(1.0, stated), rel=0.02)
 
 

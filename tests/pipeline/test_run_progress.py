@@ -142,6 +142,7 @@ def test_time_left_knows_of_the_longer_records_of_the_next_part(tmp_path):
     require_true(scanned(SESSION, tmp_path)[1])
 
 
+@pytest.mark.whole
 def test_what_the_journal_has_takes_no_time(tmp_path):
     scanned(IMAGES, tmp_path)
     for line in (tmp_path / "b").glob("image_*.npz"):

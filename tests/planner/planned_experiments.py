@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from functools import cache
 
-from sldvexp import planner
 from sldvexp.planner import StandPlan
+from sldvexp.planner.done import NOBODY
+from sldvexp.planner.planned import _Task
 from tests.composing import experiment
 
 #: A field so coarse that its bounds take a moment.
@@ -17,5 +18,6 @@ PILLAR = "plan.room.forbidden={pillar: {low: [0.9,-1,0.8], high: [1.2,2,1.1]}}"
 
 @cache
 def plan_of(*settings: str) -> StandPlan:
-    """Plan once for all tests of a process; nobody changes the plan."""
-    return planner.plan(experiment("experiment=plate", *settings))
+    """Plan once for all tests of a process; nobody changes the plan, and no limits are tried."""
+    task = _Task.of(experiment("experiment=plate", *settings), NOBODY)
+    return task.planned(task.experiment.plan.stands)

@@ -40,9 +40,16 @@ class Drawn(dict[str, Figure]):
 
     def __init__(self, tree: xr.DataTree) -> None:
         self._draw = figures_of(tree)
+        self._made: dict[str, Figure] = {}
+
+    def made(self, name: str) -> Figure:
+        """Make a figure that need not be laid out, which takes longest."""
+        if name not in self._made:
+            self._made[name] = self._draw[name]()
+        return self._made[name]
 
     def __missing__(self, name: str) -> Figure:
-        figure = self[name] = self._draw[name]()
+        figure = self[name] = self.made(name)
         figure.draw_without_rendering()
         return figure
 

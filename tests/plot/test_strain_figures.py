@@ -27,7 +27,7 @@ def made(request):
 
 
 @pytest.mark.one_in(4)
-@pytest.mark.parametrize("draw", [strain, hot_spots])
+@pytest.mark.parametrize("draw", [hot_spots, strain])
 def test_labels_are_inside_and_apart(made, draw):
     figure = draw({"strain": made})
     figure.draw_without_rendering()
@@ -36,7 +36,6 @@ def test_labels_are_inside_and_apart(made, draw):
 
 
 def test_a_flat_surface_has_the_axes_of_the_world_and_a_bent_one_its_own():
-    assert strain({"strain": group()}).axes[-4].get_xlabel() in ("x, mm", "along t1, mm", "")
     flat, bent = (hot_spots({"strain": group(r)}).axes[2] for r in (None, 0.3))
     assert (flat.get_xlabel(), flat.get_ylabel()) == ("x, mm", "y, mm")
     assert flat.get_xlim() == pytest.approx((250, 550))

@@ -202,7 +202,7 @@ def test_six_unknown_points_reach_the_cramer_rao_bound_without_a_start(trials):
     assert abs(inside.mean() - 0.95) < 4 * np.sqrt(0.05 * 0.95 / (3 * trials))
 
 
-@pytest.mark.parametrize("seeds", [2, pytest.param(6, marks=pytest.mark.whole)])
+@pytest.mark.parametrize("seeds", [1, pytest.param(6, marks=pytest.mark.whole)])
 @pytest.mark.parametrize("flat", [False, True])
 def test_any_six_points_and_four_places_are_found(flat, seeds):
     for seed in range(20, 20 + seeds):

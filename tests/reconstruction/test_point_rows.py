@@ -130,22 +130,21 @@ def test_sixty_views_are_searched_in_part_and_it_is_said() -> None:
     assert note in found.to_dataset().attrs["notes"]
 
 
-@pytest.mark.one_in(20)
-@pytest.mark.parametrize("block", range(20))
+@pytest.mark.one_in(60)
+@pytest.mark.parametrize("seed", range(60))
 def test_a_search_in_part_finds_the_best_or_nearly(
-    monkeypatch: pytest.MonkeyPatch, block: int
+    monkeypatch: pytest.MonkeyPatch, seed: int
 ) -> None:
     """Of 60 times it found the best 59 times, and 0.9997 of it once."""
     names = [str(k) for k in range(14)]
     candidates = views(names) + differences(names)
-    for seed in range(3 * block, 3 * block + 3):
-        d = np.random.default_rng(seed).normal(size=(14, 3)) * 0.5 + [0, 0, 2]
-        d /= np.linalg.norm(d, axis=-1, keepdims=True)
-        whole = best_rows(candidates, d[:, None], 3, False, 1e-4)
-        with monkeypatch.context() as few:
-            few.setattr(base, "LARGEST_SEARCH", 100)
-            few.setattr(base, "EFFORT", 3000)
-            part = best_rows(candidates, d[:, None], 3, False, 1e-4)
-        assert part.note
-        cond = [np.linalg.cond(rows.matrix @ d, 1) for rows in (whole, part)]
-        assert cond[1] <= cond[0] / 0.999
+    d = np.random.default_rng(seed).normal(size=(14, 3)) * 0.5 + [0, 0, 2]
+    d /= np.linalg.norm(d, axis=-1, keepdims=True)
+    whole = best_rows(candidates, d[:, None], 3, False, 1e-4)
+    with monkeypatch.context() as few:
+        few.setattr(base, "LARGEST_SEARCH", 100)
+        few.setattr(base, "EFFORT", 3000)
+        part = best_rows(candidates, d[:, None], 3, False, 1e-4)
+    assert part.note
+    cond = [np.linalg.cond(rows.matrix @ d, 1) for rows in (whole, part)]
+    assert cond[1] <= cond[0] / 0.999

@@ -77,7 +77,7 @@ def open_at(browser, page, size, scheme):
     ("scheme", "sizes"),
     [
         ("light", SIZES[:1]),
-        ("dark", SIZES[1:2]),
+        pytest.param("dark", SIZES[1:2], marks=pytest.mark.whole),
         pytest.param("light", SIZES[1:], marks=pytest.mark.whole),
         pytest.param("dark", (SIZES[0], SIZES[2]), marks=pytest.mark.whole),
     ],

@@ -10,6 +10,7 @@ import pytest
 
 from sldvexp import dataset
 from sldvexp.config.paths import CONFIGURATION
+from tests.plot.conftest import SMALL as DRAWN
 
 # Two small views: fewer and shorter lines than the dissertation's, all circles.
 SMALL = [
@@ -152,7 +153,8 @@ def test_one_run_has_lines_of_one_source(sldvexp, whole, tmp_path):
     assert sldvexp(f"resume={folder}", f"instrument.path={whole}").status == 0
 
 
-def test_another_configuration_is_named_by_what_differs(sldvexp, whole):
-    other = sldvexp(*SMALL, "seed=1", "scan.fine.lines=13", f"hydra.run.dir={whole}",
+def test_another_configuration_is_named_by_what_differs(sldvexp, run_once):
+    drawn = run_once(*DRAWN)
+    other = sldvexp(*DRAWN, "seed=1", "scan.calibration.fine.lines=13", f"hydra.run.dir={drawn}",
                     "overwrite=true")  # fmt: skip
     assert "another configuration (seed and scan differ)" in other.err

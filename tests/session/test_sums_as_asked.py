@@ -127,7 +127,7 @@ def test_a_recording_is_as_a_measurement_anew_or_refuses(composed, tmp_path, set
         assert "scan anew" in told
 
 
-@pytest.mark.one_in(2)
+@pytest.mark.one_in(6)
 @pytest.mark.parametrize("setting", FIXED)
 @pytest.mark.parametrize(
     "resumed",

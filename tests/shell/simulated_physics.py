@@ -89,7 +89,7 @@ def estimated(
     if pose_std is not None:
         std = np.tile(np.repeat(pose_std, 3), len(lab.PLACES))
         errors, covariance = (std * rng.normal(size=len(std))).reshape(-1, 6), np.diag(std**2)
-    images = lab.views(truth, rng, frequency=frequency, errors=errors)
+    images = lab.views(truth, rng, lab.FINE, frequency=frequency, errors=errors)
     volume = lab.volume()
     volume.center = [*volume.center[:2], offset]
     return field_of(images, volume, frequency, sheet, covariance, **settings)

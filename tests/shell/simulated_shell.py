@@ -27,6 +27,8 @@ PLACES = (
     ([-1.749, 2.790, 1.403], [0.876, 0.036, 1.596]),
 )
 NOISE = 3e-5
+#: Pixels of an image, and those of one that shows what lies at an edge.
+PIXELS, FINE = (15, 17), (21, 25)
 FACE_POSES = tuple((rotation_from_euler(euler), np.array(origin)) for euler, origin in PLACES)
 #: Those of the face turned by half a turn about the plate's own x.
 BEHIND = np.diag([1.0, -1.0, -1.0])
@@ -74,7 +76,7 @@ def volume(radius=None, shape=(13, 11)):
 def views(
     truth,
     rng,
-    pixels=(21, 25),
+    pixels=PIXELS,
     noise=NOISE,
     frequency=(FREQUENCY,),
     errors=None,

@@ -96,7 +96,7 @@ def errors_at_the_hole(found, truth):
 
 
 def estimated(seed, truth):
-    views = lab.views(truth, np.random.default_rng(seed), frequency=(FREQUENCY,))
+    views = lab.views(truth, np.random.default_rng(seed), lab.FINE, frequency=(FREQUENCY,))
     return estimate_surface(views, lab.LASER, ring(), lab.Shell(), lab.SHEET, frequency=[FREQUENCY])
 
 
@@ -120,7 +120,7 @@ def test_a_mesh_of_the_same_outline_serves_as_well(tmp_path):
     path = tmp_path / "ring.obj"
     path.write_text("\n".join(lines))
     mesh = MeshFile(path=str(path), center=lab.CENTER.tolist(), tangent=[0.9, 0.4, 0.0], layers=2)
-    views = lab.views(truth, np.random.default_rng(2), frequency=(FREQUENCY,))
+    views = lab.views(truth, np.random.default_rng(2), lab.FINE, frequency=(FREQUENCY,))
     found = estimate_surface(views, lab.LASER, mesh, lab.Shell(), lab.SHEET, frequency=[FREQUENCY])
     assert len(found.fit.outline.holes) == 1
     group, face = found.strain(), found.prisms.surface + found.fit.face * np.eye(3)[2]

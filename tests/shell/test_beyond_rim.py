@@ -48,7 +48,7 @@ def told(found):
 @pytest.mark.parametrize("seed", range(3))
 def test_shaded_pixels_are_left_out_and_named(seed):
     truth, volume = lab.plate(), lab.volume()
-    views = lab.views(truth, np.random.default_rng(seed))
+    views = lab.views(truth, np.random.default_rng(seed), lab.FINE)
     clean = compared(estimated(views, volume), truth)[0]
     shaded = list(resting(views, beside, np.random.default_rng(seed + 9)))
     count = int(beside(estimated_places(views[1])).sum())
@@ -68,4 +68,4 @@ def test_shaded_pixels_are_left_out_and_named(seed):
 def test_good_pixels_stay():
     truth, volume = lab.plate(), lab.volume()
     for seed in range(12):
-        assert not told(estimated(lab.views(truth, np.random.default_rng(seed)), volume))
+        assert not told(estimated(lab.views(truth, np.random.default_rng(seed), lab.FINE), volume))

@@ -149,7 +149,7 @@ def wave(points):
     )
 
 
-@pytest.mark.one_in(14)
+@pytest.mark.one_in(19)
 @every_chart
 @pytest.mark.parametrize("height", [0.0, 0.0015, -0.0015])
 def test_strain_is_that_of_differences_in_space(chart, height):

@@ -29,7 +29,7 @@ def ends_at(distance, sides=(0, 1, 2, 3)):
 @pytest.mark.parametrize("sides", [(0, 1, 2, 3), (2,)])
 def test_a_structure_that_ends_early_is_told_with_the_margin_that_is_right(sides):
     truth, volume = lab.plate(), lab.volume()
-    views = lab.views(truth, np.random.default_rng(2))
+    views = lab.views(truth, np.random.default_rng(2), lab.FINE)
     short = list(resting(views, ends_at(0.004, sides), np.random.default_rng(3), ALL))
     found = estimated(short, volume)
     (said,) = found.findings
@@ -44,9 +44,10 @@ def test_a_structure_that_ends_early_is_told_with_the_margin_that_is_right(sides
     assert held.mean() > 0.9
 
 
+@pytest.mark.whole
 def test_a_shadow_in_one_view_is_no_end_of_the_structure():
     truth, volume = lab.plate(), lab.volume()
-    views = lab.views(truth, np.random.default_rng(2))
+    views = lab.views(truth, np.random.default_rng(2), lab.FINE)
     shaded = list(resting(views, ends_at(0.004, (2,)), np.random.default_rng(3), (1,)))
     assert not estimated(shaded, volume).findings
 
@@ -55,5 +56,5 @@ def test_a_shadow_in_one_view_is_no_end_of_the_structure():
 def test_a_structure_that_goes_on_is_not_said_to_end():
     truth, volume = lab.plate(), lab.volume()
     for seed in range(8):
-        views = lab.views(truth, np.random.default_rng(seed))
+        views = lab.views(truth, np.random.default_rng(seed), lab.FINE)
         assert not estimated(views, volume).findings

@@ -12,7 +12,7 @@ from sldvexp.signal import Intercept, SineFit, demodulate, sine_model
 F = 97.3
 TIMES = np.arange(128) / 1280.0  # 9.7 periods: a harmonic leaks into the fundamental
 ALPHA = 0.05
-TRIALS = 20_000
+TRIALS = 6_000
 #: Standard errors of a share of trials that it may be off.
 THREE = 3.0
 SLACK = THREE * np.sqrt(ALPHA * (1 - ALPHA) / TRIALS)

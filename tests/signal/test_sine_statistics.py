@@ -9,7 +9,7 @@ from sldvexp.errors import UserError
 from sldvexp.signal import Intercept, demodulate, refine_frequencies, sine_model
 
 F = 97.3
-TRIALS = 40_000
+TRIALS = 10_000
 TIMES = np.arange(128) / 1280.0
 UNEVEN = np.sort(np.random.default_rng(8).uniform(0, 0.1, 128))
 
@@ -159,7 +159,7 @@ def test_power_of_the_intercepts_f_test():
 def test_frequency_reaches_its_bound_and_says_so():
     """Pooled over records of any phase: variance, standard error and a wrong start."""
     rng = np.random.default_rng(16)
-    repeats, records, sigma, amplitude = 200, 20, 500.0, 6000.0
+    repeats, records, sigma, amplitude = 60, 20, 500.0, 6000.0
     samples = counts(rng, TIMES, amplitude, amplitude, (sigma, sigma), 30.0, repeats * records)
     found = [
         refine_frequencies(r, TIMES, [F + 3.0]) for r in samples[:, 0].reshape(repeats, records, -1)

@@ -75,6 +75,18 @@ def test_f_test_with_known_noise_is_a_chi_square() -> None:
     assert test.critical == pytest.approx(stats.chi2.ppf(0.95, 2) / 2)
 
 
+def test_f_tests_together_are_those_alone() -> None:
+    """Of pixels that share their degrees of freedom, and of such whose noise is known."""
+    statistic = np.array([[1.0, 5.0], [9.0, 2.0], [3.0, 4.0]])
+    numerator, denominator = np.array([1.0, 2.0]), np.array([[4.0], [np.inf], [0.0]])
+    test = f_test(statistic, numerator, denominator, 0.95)
+    for place in np.ndindex(3, 2):
+        one = f_test(statistic[place], numerator[place[1]], denominator[place[0], 0], 0.95)
+        for name in ("statistic", "p_value", "critical", "reject"):
+            np.testing.assert_array_equal(getattr(test, name)[place], getattr(one, name))
+        np.testing.assert_array_equal([d[place] for d in test.dof], one.dof)
+
+
 def test_f_test_without_freedom_decides_nothing() -> None:
     test = f_test([np.nan, 100.0], 2, 0, 0.95)
     assert np.all(np.isnan(test.p_value))

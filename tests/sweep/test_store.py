@@ -102,6 +102,7 @@ def as_declared(settings, tmp_path):
     return [step.name for step in done if step.shared]
 
 
+@pytest.mark.whole
 def test_steps_read_what_they_declare(tmp_path):
     assert as_declared(POSES, tmp_path) == ["scan", "pose"]
 

@@ -25,6 +25,7 @@ def opened(folder):
         return table.load()
 
 
+@pytest.mark.whole
 def test_what_is_collected_of_runs_in_hand_is_what_their_files_have(sldvexp, tmp_path, monkeypatch):
     """A sweep opens no file of a run that it has just made."""
     opened_files, load_some = [], dataset.load_some

@@ -4,15 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 
 from sldvexp import dataset
 from sldvexp.field import View
+from sldvexp.field.bounds.pose_uncertainty import pose_covariance
 from sldvexp.laser.two_mirror import TwoMirror
 from sldvexp.lazy import xarray as xr
 from sldvexp.pose.base import pose_to_dataset
 from sldvexp.verdict.beams import MeasuredSurface, PixelBeams
+from sldvexp.verdict.comparison import Bench, bench_of
+from sldvexp.verdict.joint_fit import JointFit
 from sldvexp.volume import Grid
 
 LASER = TwoMirror()
@@ -132,6 +136,8 @@ def session(
             "phase": np.exp(1j * size),
         }.get(mistake, 1.0)
         values = np.conj(values) if mistake == "conjugate" else values * factor
+        if mistake == "offset":
+            values = values + size * (1 - 0.7j)
         image = np.full_like(zero, np.nan)
         image[beams.pixel] = values
         drawn = rng.standard_normal(zero.shape) + 1j * rng.standard_normal(zero.shape)
@@ -141,6 +147,15 @@ def session(
         flags = (~np.isfinite(image).all(axis=1)).astype(int)
         found.append(replace(stated, velocity=image, flags=flags))
     return Session(found, measured, truth, turned)
+
+
+@cache
+def clean() -> tuple[Session, Bench, JointFit]:
+    """Fit one session without mistakes for all tests of a process; nobody changes it."""
+    made = session(np.random.default_rng(1))
+    bench = bench_of(made.views, made.surface, pose_covariance(made.views, None))
+    assert bench is not None
+    return made, bench, bench.fit()
 
 
 def groups(views: Sequence[View]) -> dict[str, xr.Dataset]:

@@ -22,7 +22,7 @@ from sldvexp.verdict.drop_outs import (
 )
 from sldvexp.verdict.joint_fit import JointFit
 
-from .simulated_views import session
+from .simulated_views import clean, session
 
 
 def seen(made, view):
@@ -183,8 +183,7 @@ def with_velocities(fit: JointFit, added: Sequence[np.ndarray]) -> JointFit:
 def test_group_of_pixels_that_one_view_has_spoiled_does_not_hide_itself():
     """More than half of the pixels around in its image are spoiled as well."""
     rng = np.random.default_rng(1)
-    made = session(rng)
-    fit = bench_of(made.views, made.surface, pose_covariance(made.views, None)).fit()
+    _, _, fit = clean()
     added = [np.zeros((len(d.weight), fit.channels // 2), complex) for d in fit.designs]
     point = fit.designs[1].beams.point
     bad = np.argsort(np.linalg.norm(point - np.median(point, axis=0), axis=1))[:40]
@@ -196,8 +195,7 @@ def test_group_of_pixels_that_one_view_has_spoiled_does_not_hide_itself():
 
 def test_motion_that_the_smooth_field_does_not_follow_spoils_no_pixels():
     """All views see it: ripples around one place, twenty times the noise."""
-    made = session(np.random.default_rng(1))
-    fit = bench_of(made.views, made.surface, pose_covariance(made.views, None)).fit()
+    _, _, fit = clean()
     added, middle = [], np.median(fit.designs[0].beams.point, axis=0)
     extent = np.ptp(fit.designs[0].beams.point[:, 0])
     for design in fit.designs:

@@ -23,7 +23,7 @@ from sldvexp.verdict.joint_fit import JointFit
 from sldvexp.verdict.pointing_noise import pointing_noise
 from sldvexp.verdict.wording import noise_finding, pointing_finding
 
-from .simulated_views import LASER, session
+from .simulated_views import LASER, clean, session
 
 #: Angle that spoils steep pixels as much as the stated noise does, rad.
 ANGLE = 8e-4
@@ -67,12 +67,19 @@ def test_noise_that_is_larger_everywhere_is_not_named_pointing(seed):
 @pytest.mark.one_in(2)
 @pytest.mark.parametrize("seed", [1, 2])
 def test_pixels_beside_which_mirrors_came_to_rest_are_no_drop_outs(seed):
-    """Mirrors three times as bad as the noise; spoiled pixels among them are found."""
+    """Mirrors three times as bad as the noise."""
     fit = fitted(angle=3 * ANGLE, seed=seed)
     known = [3 * ANGLE] * len(fit.data)
     assert not disagree(fit, known)
     assert np.concatenate(disagreeing(fit, known)).mean() < 2e-3
     assert np.concatenate(disagreeing(fit, [0.0] * len(known))).mean() > 0.02
+
+
+@pytest.mark.whole
+@pytest.mark.parametrize("seed", [1, 2])
+def test_drop_outs_among_pixels_beside_which_mirrors_came_to_rest_are_found(seed):
+    fit = fitted(angle=3 * ANGLE, seed=seed)
+    known = [3 * ANGLE] * len(fit.data)
     rng, data, bad = np.random.default_rng(seed), [], []
     for of, design in zip(fit.data, fit.designs, strict=True):
         bad.append(rng.random(int(design.present.sum())) < 0.02)
@@ -88,9 +95,8 @@ def test_pixels_beside_which_mirrors_came_to_rest_are_no_drop_outs(seed):
 
 
 def test_pointing_that_bounds_count_is_a_note_and_otherwise_has_a_remedy():
-    made = session(np.random.default_rng(1))
-    bench = bench_of(made.views, made.surface, pose_covariance(made.views, None))
-    tests = compare_views(bench, bench.fit())
+    _, bench, fit = clean()
+    tests = compare_views(bench, fit)
     assert pointing_finding(tests, 1.0, 0.9).severity is Severity.note
     missing = pointing_finding(tests, 1.0, 0.4)
     assert missing.severity is Severity.doubtful
@@ -108,15 +114,14 @@ def test_what_finer_knots_would_take_away_is_extrapolated():
 
 
 def test_pixels_that_let_the_test_follow_a_field_are_counted():
-    made = session(np.random.default_rng(1))
-    bench = bench_of(made.views, made.surface, pose_covariance(made.views, None))
+    made, bench, fit = clean()
     few = replace(bench, truncation=0.02, intervals=10, few_pixels=True)
     # 0.02 * 20 is 0.4 times the noise, and 14 intervals have it below a tenth of that.
     assert pixels_to_follow(few, 20.0) == pixels_for(FieldAround.on(made.surface.nodes, 14))
     assert pixels_to_follow(few, 10.0) is None  # of what is left the noise hides 0.2
     assert pixels_to_follow(replace(few, few_pixels=False), 20.0) is None
     assert pixels_to_follow(replace(few, truncation=0.9, intervals=18), 1e6) is None
-    tests = replace(compare_views(bench, bench.fit()), misfit=20.0)
+    tests = replace(compare_views(bench, fit), misfit=20.0)
     assert "with 473 pixels of each view on the surface, instead of 306" in (
         noise_finding(tests, pixels=(306, 473)).text
     )
@@ -124,9 +129,9 @@ def test_pixels_that_let_the_test_follow_a_field_are_counted():
 
 
 def test_a_bench_knows_whether_its_pixels_are_few():
-    made = session(np.random.default_rng(1))
+    made, bench, _ = clean()
     covariance = pose_covariance(made.views, None)
-    assert not bench_of(made.views, made.surface, covariance).few_pixels
+    assert not bench.few_pixels
     thinned = []
     for view in made.views:
         flags = np.ones_like(view.flags)

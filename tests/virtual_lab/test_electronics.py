@@ -7,6 +7,7 @@ import pytest
 from scipy import stats
 
 from sldvexp.instrument import Acquisition, Status
+from sldvexp.virtual_lab.ahead import Stretch, drawn
 from sldvexp.virtual_lab.electronics import PixelNoise
 
 PIXELS = 400
@@ -199,3 +200,10 @@ def test_random_numbers_use_all_their_levels():
     assert stats.kstest(normal.ravel()[::7], "norm").pvalue > 1e-4
     assert normal.max() == pytest.approx(4.33, abs=0.35)
     assert normal.min() == pytest.approx(-4.33, abs=0.35)
+
+
+def test_pixels_of_several_lines_are_drawn_as_each_line_alone():
+    noise, stretches = PixelNoise([3], "1"), [Stretch(5, 0, 7), Stretch(6, 2, 1), Stretch(9, 0, 4)]
+    each = [noise.draw(*stretch, 64) for stretch in stretches]
+    for together, alone in zip(drawn(noise, stretches, 64), zip(*each, strict=True), strict=True):
+        np.testing.assert_array_equal(together, np.concatenate(alone))

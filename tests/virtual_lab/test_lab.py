@@ -11,7 +11,7 @@ from sldvexp.errors import ConfigError, UserError
 from sldvexp.instrument import Acquisition, Instrument, InstrumentError, RawSamples
 from sldvexp.laser import TwoMirror
 from sldvexp.targets import Circle, Circles
-from sldvexp.virtual_lab import VirtualLab
+from sldvexp.virtual_lab import VirtualLab, calibration_scene, plate
 from sldvexp.virtual_lab.calibration_scene import CalibrationScene
 from sldvexp.virtual_lab.lab import BLOCK
 
@@ -218,6 +218,7 @@ def counted(ours):
     return blocks
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("scene", ["calibration", "plate"])
 def test_lines_that_are_announced_are_the_same_to_the_bit(lab, scene):
     """Short ones share blocks: 9 and 11 lines of 25 pixels are 2 and 3. A long one has its own."""
@@ -251,3 +252,23 @@ def test_what_was_announced_may_come_otherwise(lab):
                 ours.configure(Acquisition(10000.0, 512, (700.0,)))
     with pytest.raises(InstrumentError, match="the board has"):
         told.scan(*beyond)
+
+
+@pytest.mark.parametrize("elsewhere", [10.0, -10.0])
+def test_what_a_block_of_beams_does_not_meet_is_not_looked_at(lab, monkeypatch, elsewhere):
+    """Neither the parts of spots nor the motion of modes; they are looked at where they are met."""
+    ours, looked = lab("plate"), []
+    for module, name in ((calibration_scene, "part_inside"), (plate.VibratingPlate, "_motion")):
+        usual = getattr(module, name)
+
+        def counted(*args, usual=usual, name=name):
+            looked.append(name)
+            return usual(*args)
+
+        monkeypatch.setattr(module, name, counted)
+    middle = np.rint(ours.true_dac(ours.calibration_object.center[:1])).astype(int)
+    ours.scan(np.tile(middle, (3, 1)))
+    assert "part_inside" in looked
+    looked.clear()
+    ours.scan(np.full((3, 2), int(400 * elsewhere)))
+    assert not looked

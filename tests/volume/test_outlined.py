@@ -109,6 +109,6 @@ def test_a_spacing_that_cannot_follow_what_is_narrow_is_refused():
     }
     with pytest.raises(UserError, match="choose a smaller spacing"):
         OutlinedSurface(outline=SQUARE, holes=holes, spacing=0.03).surface()
-    fine = OutlinedSurface(outline=SQUARE, holes=holes, spacing=0.001).surface()
+    fine = OutlinedSurface(outline=SQUARE, holes=holes, spacing=0.002).surface()
     circle = 32 / 2 * 0.002**2 * np.sin(2 * np.pi / 32)
     assert area(fine) == pytest.approx(0.01 - 0.0016 - circle, rel=1e-9)

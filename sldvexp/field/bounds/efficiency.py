@@ -5,7 +5,8 @@ same elements at the same samples. Nodes are compared with all that is around th
 sample whose views are nearly parallel, and which spoils a node of a method that trusts it, shows.
 Of a small field the least variance is exact. Of a large one it comes from the nearest Kronecker
 product: right to a few percent where all views see all; with a twentieth of the pixels lost, at
-random, to a quarter at three of four nodes, and in the median as before.
+random, to a quarter at three of four nodes, and in the median as before. Beside that counts little
+that its rows reach a ring less than a method's, and are solved for closer together.
 """
 
 from __future__ import annotations
@@ -29,6 +30,10 @@ UNKNOWN = (
     "the efficiency is not known: the samples that the views see leave the least-variance field of "
     "these elements open"
 )
+#: Rings that its rows reach less far than a method's, and rings between those that are solved for
+#: together. Of 16 thousand nodes the least standard deviations err by 0.24 % (root mean square) and
+#: by 0.9 % at worst for it, in half the time; with two rings less they err by 9 %.
+RINGS_LESS, RINGS_BETWEEN = 1, 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,11 +69,13 @@ class LeastVariance:
             return cls(parts, WholeInverse.from_system(system, parts.model.parameters))
         try:
             near = NearInverse.from_system(system, parts)
+            rings = near.rings - RINGS_LESS
             for own in parts.own_nodes():  # which no solver has looked at
-                NearNodes.of_own(system.graph, own, near.rings).factor(system)
+                NearNodes.of_own(system.graph, own, rings, RINGS_BETWEEN).factor(system)
         except (UserError, RuntimeError):
             return None
-        return cls(parts, replace(near, odd=np.zeros_like(near.odd)))
+        none = np.zeros_like(near.odd)
+        return cls(parts, replace(near, odd=none, rings=rings, between=RINGS_BETWEEN))
 
     def of_part(self, part: RegionSamples) -> tuple[RegionSamples, InverseRows]:
         """Find the same part of its own model, and the rows of its inverse."""

@@ -18,6 +18,7 @@ import numpy as np
 
 from sldvexp.field.bounds.compiled import CompiledKernels, kernels_for
 from sldvexp.field.bounds.sparse_inverse_rows import (
+    RINGS_BETWEEN,
     block_rows,
     diagonal_blocks,
     rings_of,
@@ -26,7 +27,11 @@ from sldvexp.field.bounds.sparse_inverse_rows import (
     volume_rows,
     with_blocks,
 )
-from sldvexp.field.equations.elements import influences_by_layers, with_layers_apart
+from sldvexp.field.equations.elements import (
+    influences_by_layers,
+    numbers_at,
+    with_layers_apart,
+)
 from sldvexp.field.equations.regions import RegionIterator, RegionSamples
 from sldvexp.field.equations.sample_model import AXES
 from sldvexp.field.equations.system import NormalEquations
@@ -135,8 +140,8 @@ class NearInverse:
     turn : ndarray, shape (layer, surface_node, block, block)
         ``N^-1 N_mean`` of a node's information and that of the Kronecker product there.
     odd : ndarray of bool, shape (surface_node,)
-    rings : int
-        How far rows reach.
+    rings, between : int
+        How far rows reach, and how far those that are solved together are apart, see `NearNodes`.
     """
 
     system: NormalEquations
@@ -144,6 +149,7 @@ class NearInverse:
     turn: Array
     odd: BoolArray
     rings: int
+    between: int = RINGS_BETWEEN
 
     @classmethod
     def from_system(cls, system: NormalEquations, parts: RegionIterator) -> NearInverse:
@@ -177,7 +183,7 @@ class NearInverse:
         place = np.full(self.system.graph.nodes, -1)
         place[nodes] = np.arange(len(nodes))
         try:
-            surface = surface_rows(self.system, own, place, self.rings)
+            surface = surface_rows(self.system, own, place, self.rings, self.between)
         except RuntimeError:
             raise undetermined_nodes(self.system) from None
         odd = np.flatnonzero(self.odd[own])
@@ -410,7 +416,13 @@ def _parts(count: int) -> Iterator[IndexArray]:
 
 
 def _of_both(k: scipy.sparse.bsr_array, r: scipy.sparse.bsr_array, weight: Array) -> Array:
-    """Sum ``w_j k_ij r_ij`` over rows and columns, in the shape of a block."""
-    both = k.multiply(r)
-    total: Array = np.tensordot(weight[both.indices], both.data, axes=1)
+    """Sum ``w_j k_ij r_ij`` over rows and columns, in the shape of a block.
+
+    Where r has a block k has one as well, as a node's row of the inverse has the node itself.
+    """
+    size = len(k.indptr) - 1, len(weight)
+    order = scipy.sparse.csr_array((np.arange(len(k.indices)), k.indices, k.indptr), shape=size)
+    row = np.repeat(np.arange(size[0]), np.diff(r.indptr))
+    same = k.data[numbers_at(order, row, r.indices)]
+    total: Array = np.einsum("b,bij,bij->ij", weight[r.indices], same, r.data)
     return total

@@ -28,7 +28,7 @@ from sldvexp.field.bounds.inverse import (
 from sldvexp.field.bounds.pose_uncertainty import PoseEffect, column_variances, kept_columns
 from sldvexp.field.bounds.sparse_inverse_rows import rings_of
 from sldvexp.field.equations.regions import RegionIterator, RegionSamples
-from sldvexp.field.equations.sample_model import FieldModel
+from sldvexp.field.equations.sample_model import SAMPLES_IN_CACHE, FieldModel
 from sldvexp.field.equations.system import NormalEquations, Solve
 from sldvexp.field.streaming.compression import FrequencyModes
 from sldvexp.field.visibility.view import View
@@ -82,43 +82,58 @@ class Residuals:
         theta : ndarray, shape (layer, surface_node, parameter, column)
         data : list of ndarray, shape (pixel, column)
         """
-        used = part.samples.valid & (part.at.pointwise.kept & part.owned)[:, None]
-        has_row = ~np.any((part.model.rows.matrix != 0)[None] & ~used[:, None], axis=2)
-        self.view_count += used.sum(axis=0)
-        self.row_count += has_row.sum(axis=0)
-        samples = len(used) // part.patch.sample_shape[0]
+        used = (part.samples.valid & (part.at.pointwise.kept & part.owned)[:, None]).T
+        has_row = ~np.any((part.model.rows.matrix != 0)[..., None] & ~used, axis=1)
+        self.view_count += used.sum(axis=1)
+        self.row_count += has_row.sum(axis=1)
+        gaps = part.patch.sample_shape[0]
+        samples = used.shape[1] // gaps
         columns = max(COLUMNS_AT_ONCE, VALUES_AT_ONCE // samples)
-        for gap in range(part.patch.sample_shape[0]):
-            here = slice(gap * samples, (gap + 1) * samples)
-            weights = [of_view.weights[here] for of_view in part.samples.by_view]
-            for first in range(0, theta.shape[-1], columns):
+        for gap in range(gaps):
+            start = gap * samples
+            mine = part.owned[start : start + samples].nonzero()[0]
+            for first in range(0, theta.shape[-1] if len(mine) else 0, columns):
                 some = slice(first, first + columns)
-                v = np.stack([w @ d[:, some] for w, d in zip(weights, data, strict=True)], axis=1)
-                u = part.field(theta[..., some], gap)
-                left = (v - part.at.pointwise.design[here] @ u) * used[here, :, None]
-                self._add(part, here, some, has_row[here], v, u, left)
+                v = part.velocities_last([d[:, some] for d in data], gap)
+                u = part.field_last(theta[..., some], gap)
+                for at in range(mine[0], mine[-1] + 1, SAMPLES_IN_CACHE):
+                    here = slice(at, min(at + SAMPLES_IN_CACHE, samples))
+                    these = slice(start + here.start, start + here.stop)
+                    seen = used[:, these], has_row[:, these]
+                    self._add(part, these, some, seen, v[..., here], u[..., here])
 
     def _add(
         self,
         part: RegionSamples,
         here: slice,
         some: slice,
-        has_row: BoolArray,
+        seen: tuple[BoolArray, BoolArray],
         v: Array,
         u: Array,
-        left: Array,
     ) -> None:
-        """Add some samples and columns: velocities, the field there, and what it leaves of them."""
-        self.by_view[:, some] += np.einsum("skc,skc->kc", left, left)
-        of_rows = (part.model.rows.matrix @ left) * has_row[..., None]
-        self.by_row[:, some] += np.einsum("src,src->rc", of_rows, of_rows)
+        """Add some samples and columns.
+
+        Parameters
+        ----------
+        seen : tuple of ndarray of bool, shape (view, sample) and (row, sample)
+            Where views count, and where rows do.
+        v, u : ndarray, shape (view, column, sample) and (parameter, column, sample)
+            Velocities, and the field there.
+        """
+        used, has_row = seen
+        left = v - np.einsum("pks,pcs->kcs", part.at.pointwise.design[here].T, u)
+        left *= used[:, None]
+        self.by_view[:, some] += np.einsum("kcs,kcs->kc", left, left)
+        of_rows = np.tensordot(part.model.rows.matrix, left, axes=1)
+        of_rows *= has_row[:, None]
+        self.by_row[:, some] += np.einsum("rcs,rcs->rc", of_rows, of_rows)
         if part.model.contravariant:
-            own = part.at.information[here] * part.owned[here, None, None]
-            off = part.at.solution[here] @ v - u
-            self.squares[:, some] += np.einsum("spc,spc->pc", own * off, off)
+            own = part.at.information[here, 0, 0] * part.owned[here]
+            off = np.einsum("kps,kcs->pcs", part.at.solution[here].T, v) - u
+            self.squares[:, some] += np.einsum("s,pcs,pcs->pc", own, off, off)
         else:
-            weighted = part.at.pointwise.weight[here].times(left)
-            self.squares[0, some] += np.einsum("skc,skc->c", left, weighted)
+            weighted = part.at.pointwise.weight[here].times_last(left)
+            self.squares[0, some] += np.einsum("kcs,kcs->c", left, weighted)
 
 
 #: Parts in which bounds of some nodes are verified.
@@ -238,6 +253,7 @@ def with_bounds(
             found.pose[:, part.region.own] = pose.variance(rows.times(right))
         if check is not None:
             errors.append(check.largest_error(found.noise.sum(axis=3), found.pose, pose, right))
+        del part, rows, check, of_best, right  # before the next samples are looked at
     variance = None if pose is None else found.pose
     expected = 2 * found.expected @ factors
     own = found.noise[:, :, :3].sum(axis=3)

@@ -54,32 +54,33 @@ class NearNodes:
         Places of the own ones in `nodes`.
     entries : csr_array of int, shape (near, near)
         Places of their blocks among the graph's.
-    rings : int
-        How many rings of neighbours rows of the own ones reach.
+    rings, between : int
+        How many rings of neighbours rows of the own ones reach, and how many are between these.
     """
 
     nodes: IndexArray
     own: IndexArray
     entries: scipy.sparse.csr_array
     rings: int
+    between: int
 
     @classmethod
-    def of_own(cls, graph: Graph, own: IndexArray, rings: int) -> NearNodes:
+    def of_own(
+        cls, graph: Graph, own: IndexArray, rings: int, between: int = RINGS_BETWEEN
+    ) -> NearNodes:
         """Find what is around some ascending nodes whose rows reach so many rings of neighbours.
 
-        A method's system and that of the least variance have one graph, so that the latest is kept.
+        Fits by several methods have one graph, so that the latest that reach so far are kept.
         """
-        latest = _latest.get(graph)
-        if (
-            latest is not None
-            and latest.rings == rings
-            and np.array_equal(latest.nodes[latest.own], own)
-        ):
+        of_graph = _latest.setdefault(graph, {})
+        latest = of_graph.get((rings, between))
+        if latest is not None and np.array_equal(latest.nodes[latest.own], own):
             return latest
         nodes = graph.around(own, rings + RINGS_BEYOND)
         entries = graph.entries[nodes][:, nodes]
         entries.sort_indices()
-        found = _latest[graph] = cls(nodes, np.searchsorted(nodes, own), entries, rings)
+        found = cls(nodes, np.searchsorted(nodes, own), entries, rings, between)
+        of_graph[rings, between] = found
         return found
 
     @cached_property
@@ -108,7 +109,7 @@ class NearNodes:
     def colour(self) -> IndexArray:
         """Colours of the own ones, shape (own,)."""
         beyond = self.reach
-        for _ in range(RINGS_BETWEEN):
+        for _ in range(self.between):
             beyond = within_both(beyond, self.neighbours)
         return colours(within_both(beyond, scipy.sparse.csr_array(self.reach.T)))
 
@@ -126,12 +127,16 @@ class NearNodes:
         return factorised(scipy.sparse.csc_array(matrix))
 
 
-#: Latest nodes of graphs that are still there.
-_latest: WeakKeyDictionary[Graph, NearNodes] = WeakKeyDictionary()
+#: Latest nodes of graphs that are still there, by their rings.
+_latest: WeakKeyDictionary[Graph, dict[tuple[int, int], NearNodes]] = WeakKeyDictionary()
 
 
 def surface_rows(
-    system: NormalEquations, own: IndexArray, place: IndexArray, rings: int
+    system: NormalEquations,
+    own: IndexArray,
+    place: IndexArray,
+    rings: int,
+    between: int = RINGS_BETWEEN,
 ) -> scipy.sparse.bsr_array:
     """Compute rows of the inverse of the surface's matrix, of some nodes.
 
@@ -144,6 +149,8 @@ def surface_rows(
         Ascending.
     place : ndarray of int, shape (surface_node,)
         Where columns of the result stand.
+    rings, between : int
+        As in `NearNodes`.
 
     Returns
     -------
@@ -154,7 +161,7 @@ def surface_rows(
     RuntimeError
         If the matrix of what is near is singular.
     """
-    around, block = NearNodes.of_own(system.graph, own, rings), system.block
+    around, block = NearNodes.of_own(system.graph, own, rings, between), system.block
     factor, reach, colour = around.factor(system), around.reach, around.colour
     row, count = np.repeat(np.arange(len(own)), np.diff(reach.indptr)), len(around.nodes)
     data = np.empty((reach.nnz, block, block))

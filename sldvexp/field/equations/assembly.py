@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sldvexp.field.equations.regions import RegionIterator, RegionSamples
-from sldvexp.field.equations.sample_model import SampleContributions
+from sldvexp.field.equations.sample_model import SAMPLES_IN_CACHE, SampleContributions
 from sldvexp.field.equations.system import Assembly, NormalEquations
 from sldvexp.field.visibility.coverage import Coverage, require_coverage
 from sldvexp.field.visibility.view import View
@@ -100,6 +100,7 @@ def joint_equations(
     for part in each[0].disjoint():
         for of_model in sums:
             of_model.add(of_model.parts.of_region(part))
+        del part  # before the next samples are looked at
     return [of_model.equations() for of_model in sums]
 
 
@@ -136,10 +137,13 @@ class EquationSums:
         self.assembly.add(part.patch, at.information)
         for right, data in zip(self.right, self.data, strict=True):
             right[:, nodes] += _right_side(part, data)
-        self.ranked[:, nodes] += part.patch.to_nodes(_ranked(at, part.model.parameters))
-        self.whole[:, nodes] += part.patch.to_nodes(np.ones((len(part.samples.position), 1)))
+        whole = part.patch.to_nodes(np.ones((len(part.samples.position), 1)))
+        self.whole[:, nodes] += whole
+        ranked = _ranked(at, part.model.parameters)
+        self.ranked[:, nodes] += whole if ranked.all() else part.patch.to_nodes(ranked)
         if self.one_by_one:
-            self.complete[:, nodes] += part.patch.to_nodes(_of_whole_prisms(part))
+            of_whole = _of_whole_prisms(part)
+            self.complete[:, nodes] += whole if of_whole.all() else part.patch.to_nodes(of_whole)
         self.rows += int(at.pointwise.rows.sum())
         self.samples += int(at.pointwise.kept.sum())
         seen = zip(part.visibility.views, part.samples.by_view, strict=True)
@@ -175,15 +179,28 @@ def _right_side(part: RegionSamples, data: list[Array]) -> Array:
     if not shape[-1]:
         return np.zeros(shape)
     if shape[-1] <= FEW_COLUMNS:
-        found = np.empty(shape)
+        found = np.zeros(shape)
         for first in range(0, shape[-1], COLUMNS_AT_ONCE):
             some = slice(first, first + COLUMNS_AT_ONCE)
-            side = part.at.estimator @ part.velocities([d[:, some] for d in data])
-            sums = part.patch.to_nodes(side.reshape(len(side), -1))
-            found[..., some] = sums.reshape(*shape[:3], -1)
+            _add_right_side(part, [d[:, some] for d in data], found[..., some])
         return found
     total = sum(_product(r, velocity) for r, velocity in zip(part.influences, data, strict=True))
     return np.reshape(total, shape)
+
+
+def _add_right_side(part: RegionSamples, data: list[Array], found: Array) -> None:
+    """Add few columns of a right side, gap by gap."""
+    gaps = part.patch.sample_shape[0]
+    velocity, estimator = part.velocities_last(data), part.at.estimator.T
+    samples = velocity.shape[-1] // gaps
+    side = np.empty((part.model.parameters, velocity.shape[1], samples))
+    for gap in range(gaps):
+        for first in range(0, samples, SAMPLES_IN_CACHE):
+            here = slice(first, min(first + SAMPLES_IN_CACHE, samples))
+            these = slice(gap * samples + here.start, gap * samples + here.stop)
+            side[..., here] = np.einsum("kps,kcs->pcs", estimator[..., these], velocity[..., these])
+        sums = part.patch.gap_to_nodes(side.reshape(-1, samples))
+        found[gap : gap + 2] += sums.reshape(2, *found.shape[1:])
 
 
 def _product(influence: scipy.sparse.bsr_array, velocity: Array) -> Array:

@@ -132,6 +132,12 @@ class Patch:
         values += self.shape[:, 3:] @ corner[1:]
         return values.reshape(-1, nodal.shape[-1])
 
+    def gap_at_samples(self, nodal: Array) -> Array:
+        """Interpolate as `at_samples` does in a gap, samples last: (2, node, m) to (m, sample)."""
+        corner = np.ascontiguousarray(nodal[:, self.corner].transpose(3, 1, 0, 2))
+        values = corner.reshape(-1, self.shape.shape[1]) @ self.shape.T
+        return values.reshape(len(corner), -1)
+
     def to_nodes(self, samples: Array) -> Array:
         """Sum over samples, ``B^T f``: from (sample, m) to (layer, patch_node, m)."""
         columns = samples.shape[-1]
@@ -224,7 +230,8 @@ def influences_by_layers(
 ) -> list[scipy.sparse.bsr_array]:
     """Compute `influence` of several models with the layers of a node beside one another.
 
-    These see nearly the same pixels. Gap by gap and for all models at once.
+    These see nearly the same pixels. Gap by gap and for all models at once; where a sample's pixels
+    are among those of its triangle's corners is found before, so that each gap is one product.
 
     Parameters
     ----------
@@ -244,24 +251,25 @@ def influences_by_layers(
         pairs = zip(shapes, blocks, strict=True)
         return [scipy.sparse.bsr_array(shape, blocksize=block) for shape, block in pairs]
     count = sum(e.shape[1] for e in used)
-    across = scipy.sparse.bsr_array(patch.across, blocksize=(1, 1))
-    along = np.tile(patch.along, samples // len(patch.shape)).T
-    of_gaps = []
+    triangles = samples // len(patch.shape)
+    across = np.tile(patch.shape[:, :3] + patch.shape[:, 3:], (triangles, 1))
+    along = np.tile(patch.along, triangles).T
+    seen, place, of_nodes = _pixels_of_nodes(patch, weights)
+    indices, indptr = of_nodes.indices, of_nodes.indptr
+    data = np.zeros((layers, len(indices), count))
     for gap in range(gaps):
         here = slice(gap * samples, (gap + 1) * samples)
         estimator = np.concatenate([e[here] for e in used], axis=1)
         both = (along[:, :, None] * estimator[:, None]).reshape(samples, 2 * count)
-        of_gap = weights[here]
-        of_entries = np.repeat(both, np.diff(of_gap.indptr), axis=0) * of_gap.data[:, None]
-        entries = of_entries[:, None], of_gap.indices, of_gap.indptr
-        size = samples, pixels * 2 * count
-        of_gaps.append(across @ scipy.sparse.bsr_array(entries, shape=size))
-    place, indices, indptr = _union(of_gaps, pixels)
-    data = np.zeros((layers, len(indices), count))
-    for gap, at in enumerate(place):
-        each = of_gaps.pop(0).data.reshape(len(at), 2, count)
-        data[gap][at] += each[:, 0]
-        data[gap + 1][at] += each[:, 1]
+        start = weights.indptr[here.start : here.stop + 1]
+        some = slice(start[0], start[-1])
+        values = np.repeat(across, np.diff(start), axis=0) * weights.data[some, None]
+        to = place.take(seen[some], axis=0)  # a column has a sample's pixels, at three corners each
+        entries = values.ravel(), to.ravel(), 3 * (start - start[0])
+        corners = scipy.sparse.csc_array(entries, shape=(len(indices), samples))
+        sums = (corners @ both).reshape(-1, 2, count)
+        data[gap] += sums[:, 0]
+        data[gap + 1] += sums[:, 1]
     found, first = [], 0
     for e, shape in zip(estimators, shapes, strict=True):
         p = e.shape[1]
@@ -274,35 +282,55 @@ def influences_by_layers(
     return found
 
 
-def _union(
-    matrices: list[scipy.sparse.bsr_array], columns: int
-) -> tuple[list[IndexArray], IndexArray, IndexArray]:
-    """Join the places of matrices of blocks: where each one's blocks are among all, and these.
+def _pixels_of_nodes(
+    patch: Patch, weights: scipy.sparse.csr_array
+) -> tuple[IndexArray, IndexArray, scipy.sparse.csr_array]:
+    """List the pixels that bear on each node, through those of each triangle.
 
     Returns
     -------
-    place : list of ndarray of int
-    indices, indptr : ndarray of int
-        As of a sorted CSR matrix.
+    seen : ndarray of int, shape (entry,)
+        Where each entry of the weights is among the triangles' pixels.
+    place : ndarray of int, shape (pixel of a triangle, corner)
+        Where these are among the pixels of the triangle's corners.
+    of_nodes : csr_array of int, shape (patch_node, pixel)
+        Those of the nodes, numbered.
     """
-    rows, count = len(matrices[0].indptr) - 1, len(matrices)
-    length = np.stack([np.diff(m.indptr) for m in matrices], axis=1)
-    ends = np.cumsum([0, *(len(m.indices) for m in matrices)])
-    # Entries of all matrices, row by row; their numbers are what is sorted along.
-    start = np.stack([m.indptr[:-1] + end for m, end in zip(matrices, ends, strict=False)], axis=1)
-    before = np.concatenate([[0], np.cumsum(length)])
-    number = np.arange(ends[-1]) + np.repeat(start.ravel() - before[:-1], length.ravel())
-    indices = np.concatenate([m.indices for m in matrices])[number]
-    indptr = before[::count]
-    joined = scipy.sparse.csr_array((number, indices, indptr), shape=(rows, columns))
-    joined.sort_indices()
-    new = np.diff(joined.indices, prepend=-1) != 0
-    new[joined.indptr[:-1][np.diff(joined.indptr) > 0]] = True
-    last = np.cumsum(new)
-    place = np.empty(ends[-1], np.intp)
-    place[joined.data] = last - 1
-    found = np.concatenate([[0], last])[joined.indptr]
-    return np.split(place, ends[1:-1]), joined.indices[new], found
+    gaps, triangles, points = patch.sample_shape
+    samples = np.arange(weights.shape[0]).reshape(gaps, triangles, points)
+    ends = np.arange(0, samples.size + 1, gaps * points)
+    of_triangles = _ones(samples.swapaxes(0, 1).ravel(), ends, weights.shape[0])
+    known = _ones(weights.indices, weights.indptr, weights.shape[1])
+    near = numbered(of_triangles @ known)
+    triangle = np.tile(np.repeat(np.arange(triangles), points), gaps)
+    row = np.repeat(triangle, np.diff(weights.indptr))
+    seen = numbers_at(near, row, weights.indices)
+    at_corners = _ones(patch.corner.ravel(), 3 * np.arange(triangles + 1), len(patch.nodes))
+    of_nodes = numbered(at_corners.T.tocsr() @ _ones(near.indices, near.indptr, near.shape[1]))
+    node = np.repeat(patch.corner, np.diff(near.indptr), axis=0)
+    place = numbers_at(of_nodes, node.ravel(), np.repeat(near.indices, 3))
+    return seen, place.reshape(-1, 3), of_nodes
+
+
+def _ones(indices: IndexArray, indptr: IndexArray, columns: int) -> scipy.sparse.csr_array:
+    """Make a matrix of bool that is true at some places."""
+    entries = np.ones(len(indices), bool), indices, indptr
+    return scipy.sparse.csr_array(entries, shape=(len(indptr) - 1, columns))
+
+
+def numbered(matrix: scipy.sparse.csr_array) -> scipy.sparse.csr_array:
+    """Give the places of a matrix numbers, row by row and sorted."""
+    matrix.sort_indices()
+    entries = np.arange(len(matrix.indices)), matrix.indices, matrix.indptr
+    return scipy.sparse.csr_array(entries, shape=matrix.shape)
+
+
+def numbers_at(matrix: scipy.sparse.csr_array, row: IndexArray, column: IndexArray) -> IndexArray:
+    """Look up the numbers of a matrix of `numbered` at some places, which it has."""
+    if not len(row):  # of which scipy makes a matrix
+        return np.zeros(0, np.intp)
+    found = matrix[row, column.copy()]  # scipy wants to write into what it is given
+    return np.asarray(found, np.intp).ravel()
 
 
 def with_layers_apart(beside: scipy.sparse.bsr_array) -> scipy.sparse.bsr_array:

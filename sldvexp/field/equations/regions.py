@@ -96,8 +96,8 @@ def _halved(nodes: IndexArray, position: Array, largest: int) -> Iterator[IndexA
 
 #: Samples up to which a volume is one part.
 SAMPLES_IN_ALL = 200_000
-#: Samples of each of several parts: with those around them they take some 10 kB each.
-SAMPLES_AT_ONCE = 100_000
+#: Samples of each of several parts: with those around them they take some 3 kB each.
+SAMPLES_AT_ONCE = 170_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,6 +150,23 @@ class RegionSamples:
         """Interpolate velocities from the pixels' columns, shape (sample, view, column)."""
         each = zip(self.samples.by_view, data, strict=True)
         return np.stack([s.weights @ d for s, d in each], axis=1)
+
+    def velocities_last(self, data: list[Array], gap: int | None = None) -> Array:
+        """Interpolate velocities at the samples, of one gap or all, (view, column, sample)."""
+        gaps = self.patch.sample_shape[0]
+        count = len(self.samples.position) // (1 if gap is None else gaps)
+        here = slice(None) if gap is None else slice(gap * count, (gap + 1) * count)
+        found = np.empty((len(data), data[0].shape[1], count))
+        for k, (of_view, d) in enumerate(zip(self.samples.by_view, data, strict=True)):
+            weights = of_view.weights if gap is None else of_view.weights[here]
+            found[k] = (weights @ d).T
+        return found
+
+    def field_last(self, theta: Array, gap: int) -> Array:
+        """Interpolate as `field` does in a gap, samples last: (parameter, column, sample)."""
+        nodal = theta[gap : gap + 2, self.patch.nodes]
+        values = self.patch.gap_at_samples(nodal.reshape(*nodal.shape[:2], -1))
+        return values.reshape(*nodal.shape[2:], -1)
 
     def field(self, theta: Array, gap: int | None = None) -> Array:
         """Interpolate parameters at the samples, of one gap or all, (sample, parameter, column).

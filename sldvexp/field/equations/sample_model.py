@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,10 +18,13 @@ from sldvexp.errors import UserError
 from sldvexp.field.visibility.projection import CYCLES, ViewSamples
 from sldvexp.field.visibility.view import View
 from sldvexp.field.visibility.visibility import SampleVisibility, VolumeVisibility
+from sldvexp.lazy import scipy
 from sldvexp.reconstruction import Model, Reconstruction, RowSet, Weights
 from sldvexp.reconstruction.least_squares import rank_of
 from sldvexp.typing import Array, BoolArray, IndexArray
 
+#: Samples that stay in the cache, whatever is computed of them.
+SAMPLES_IN_CACHE = 4096
 #: Fewest rows that make a sample worth keeping.
 FEWEST_ROWS = 2
 #: Components of a velocity.
@@ -52,7 +54,7 @@ class RowWeights:
 
     def times(self, x: Array) -> Array:
         """Multiply Q by vectors, shape (sample, view, column)."""
-        if not self.factor.strides[0] and not self.diagonal.any():  # the same at all samples
+        if self.is_everywhere:
             factor = self.factor[:1]
             return np.asarray(self.sign[:, None, None] * ((np.swapaxes(factor, 1, 2) @ factor) @ x))
         if not self.factor.shape[1]:
@@ -62,6 +64,23 @@ class RowWeights:
         of_factor = transposed @ (self.sign[:, None, None] * (self.factor @ x))
         of_factor += self.diagonal[..., None] * x
         return of_factor
+
+    def times_last(self, x: Array) -> Array:
+        """Multiply Q by vectors that have the sample last, shape (view, column, sample)."""
+        if self.is_everywhere:
+            f = self.factor[0]
+            return np.asarray(self.sign * np.tensordot(f.T @ f, x, axes=1))
+        found = self.diagonal.T[:, None] * x
+        if self.factor.shape[1]:
+            f = np.moveaxis(self.factor, 0, -1).copy()
+            of_rows = self.sign * np.einsum("rvs,vcs->rcs", f, x)
+            found += np.einsum("rvs,rcs->vcs", f, of_rows)
+        return found
+
+    @property
+    def is_everywhere(self) -> bool:
+        """Whether Q is the same at all samples, but for its sign."""
+        return not self.factor.strides[0] and not self.diagonal.any()
 
     def of_views(self, j: int, k: int) -> Array:
         """Take an entry of Q, shape (sample,)."""
@@ -76,6 +95,8 @@ class RowWeights:
 @dataclass(frozen=True, eq=False)
 class SampleLeastSquares:
     """Least squares of the rows at samples.
+
+    Matrices have the sample first, but an entry of all samples is contiguous in memory.
 
     Attributes
     ----------
@@ -99,15 +120,58 @@ class SampleLeastSquares:
         """Samples that have a part in the field, shape (sample,)."""
         return self.rows > 0
 
-    @cached_property
-    def estimator(self) -> Array:
-        """Matrix T, shape (sample, parameter, view)."""
-        return np.ascontiguousarray(np.swapaxes(self.weight.times(self.design), 1, 2))
+    def products(self) -> tuple[Array, Array]:
+        """Multiply the matrices N and T of the normal equations.
 
-    @property
-    def information(self) -> Array:
-        """Matrix N, shape (sample, parameter, parameter)."""
-        return self.estimator @ self.design
+        Returns
+        -------
+        information : ndarray, shape (sample, parameter, parameter)
+        estimator : ndarray, shape (sample, parameter, view)
+        """
+        count, views, parameters = self.design.shape
+        information = np.empty((parameters, parameters, count))
+        estimator = np.empty((views, parameters, count))
+        for here, n, t in self._some_products():
+            information[..., here], estimator[..., here] = n, t
+        return information.T, estimator.T
+
+    def solutions(self) -> tuple[Array, Array]:
+        """Solve each sample by itself; 0 where it is not kept.
+
+        Returns
+        -------
+        inverse : ndarray, shape (sample, parameter, parameter)
+            Of N.
+        solution : ndarray, shape (sample, parameter, view)
+            The matrix H of ``u = H v``.
+        """
+        count, views, parameters = self.design.shape
+        inverse = np.empty((parameters, parameters, count))
+        solution = np.empty((views, parameters, count))
+        every = self.kept
+        for here, n, t in self._some_products():
+            kept = every[here]
+            if not kept.all():
+                n[..., ~kept] = np.eye(parameters)[..., None]
+                t[..., ~kept] = 0.0
+            of_some = _inverse(n)
+            solution[..., here] = np.einsum("pqs,vqs->vps", of_some, t)
+            of_some[..., ~kept] = 0.0
+            inverse[..., here] = of_some
+        return inverse.T, solution.T
+
+    def _some_products(self) -> Iterator[tuple[slice, Array, Array]]:
+        """Multiply N and T of some samples, which are last: (parameter, parameter or view, ...)."""
+        count, _, parameters = self.design.shape
+        for first in range(0, count, SAMPLES_IN_CACHE):
+            here = slice(first, first + SAMPLES_IN_CACHE)
+            x = np.ascontiguousarray(np.moveaxis(self.design[here], 0, -1))
+            t = self.weight[here].times_last(x)
+            n = np.empty((parameters, parameters, x.shape[-1]))
+            for p, q in np.ndindex(parameters, parameters):
+                if p <= q:
+                    n[p, q] = n[q, p] = np.einsum("vs,vs->s", t[:, p], x[:, q])
+            yield here, n, t
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,7 +219,7 @@ class RowModel:
         std : ndarray, shape (sample, view)
             Of the views' velocities; only their ratios matter, and only if `generalised`.
         """
-        design = directions * valid[..., None]
+        design = directions if valid.all() else directions * valid[..., None]
         if self.intercept:
             design = np.concatenate([design, valid[..., None].astype(float)], axis=-1)
         samples, views = valid.shape
@@ -167,8 +231,8 @@ class RowModel:
                 continue
             basis = np.linalg.svd(left, full_matrices=False)[2][: np.linalg.matrix_rank(left)]
             # All views span what any basis of them does.
-            turned = design[here] if len(basis) == views else basis @ design[here]
-            rank[here] = rank_of(turned, self.tolerance)
+            turned = None if len(basis) == views else basis
+            rank[here] = rank_of(design[here], self.tolerance, turned)
             rows[here] = len(left)
             found.append((here, self._weights(basis, left, valid[here], std[here])))
         if self.complete:
@@ -238,7 +302,7 @@ def _patterns(valid: BoolArray) -> Iterator[tuple[BoolArray, slice | IndexArray]
     Those are a slice, so that nothing is copied, where the same views see all. Eight views are one
     number; a few of these numbers, put in order, number the sets so far.
     """
-    if len(valid) and np.array_equal(valid.all(axis=0), valid.any(axis=0)):
+    if len(valid) and (valid.all() or np.array_equal(valid.all(axis=0), valid.any(axis=0))):
         yield valid[0], slice(None)
         return
     code = np.zeros(len(valid), np.intp)
@@ -283,6 +347,8 @@ class SampleContributions:
         T_s. The contravariant method's is ``w H`` with the sample's own solution ``u = H v``.
     inverse : ndarray, shape (sample, parameter, parameter), optional
         Contravariant only: of the sample's own normal equations.
+    own : ndarray, shape (sample, parameter, view), optional
+        Contravariant only: the matrix H.
     std : ndarray, shape (sample, view), m/s
         Mean standard error of the pixels around a sample. That of the interpolated velocity is
         smaller between pixels than on them, but its errors are then shared with more samples.
@@ -292,15 +358,14 @@ class SampleContributions:
     information: Array
     estimator: Array
     inverse: Array | None
+    own: Array | None
     std: Array
 
-    @cached_property
+    @property
     def solution(self) -> Array:
         """Contravariant only: the matrix H, shape (sample, parameter, view)."""
-        weight = self.information
-        return np.divide(
-            self.estimator, weight, out=np.zeros_like(self.estimator), where=weight > 0
-        )
+        assert self.own is not None
+        return self.own
 
 
 @dataclass(frozen=True, eq=False)
@@ -395,20 +460,22 @@ class FieldModel:
         """
         if std is None:
             each = zip(samples.by_view, self.pixel_std, strict=True)
-            std = np.stack([_mean_std(*of_view) for of_view in each], axis=1)
+            std = np.stack([_mean_std(*of_view) for of_view in each]).T
         relative = std / np.sqrt(self.variance) if self.generalised else std
         directions = self.directions(samples)
         pointwise = self.row_model.at(directions, samples.valid, relative)
         if not self.contravariant:
-            return SampleContributions(
-                pointwise, pointwise.information, pointwise.estimator, None, std
-            )
-        inverse, solution = _solutions(pointwise)
+            information, estimator = pointwise.products()
+            return SampleContributions(pointwise, information, estimator, None, None, std)
+        inverse, solution = pointwise.solutions()
         weight = pointwise.kept.astype(float)
         if self.generalised:
             weight *= self._weights(directions, samples.valid, solution, relative)
+        # Weights of samples that are not kept are 0, and so is the solution there.
+        alike = bool(np.all(weight[pointwise.kept] == 1))
         weight = weight[:, None, None]
-        return SampleContributions(pointwise, weight, weight * solution, inverse, std)
+        estimator = solution if alike else weight * solution
+        return SampleContributions(pointwise, weight, estimator, inverse, solution, std)
 
     def _weights(
         self, directions: Array, valid: BoolArray, solution: Array, relative: Array
@@ -427,7 +494,7 @@ class FieldModel:
         if others.any():
             seen = np.ones_like(valid[others])
             by_all = self.row_model.at(directions[others], seen, mean[others])
-            (usual[others],) = _variances(_solutions(by_all)[1], mean[others])
+            (usual[others],) = _variances(by_all.solutions()[1], mean[others])
         ratio = np.divide(
             usual, variance, out=np.ones_like(usual), where=(usual > 0) & (variance > 0)
         )
@@ -454,28 +521,20 @@ class FieldModel:
                 )
 
 
-def _solutions(pointwise: SampleLeastSquares) -> tuple[Array, Array]:
-    """Solve each sample by itself: the inverse of N, and H of ``u = H v``; 0 where not kept."""
-    kept, parameters = pointwise.kept, pointwise.design.shape[2]
-    inverse = np.zeros((len(kept), parameters, parameters))
-    inverse[kept] = _inverse(pointwise.information[kept])
-    return inverse, inverse @ pointwise.estimator
+def _inverse(m: Array) -> Array:
+    """Invert symmetric matrices, the samples last: (parameter, parameter, sample).
 
-
-def _inverse(matrices: Array) -> Array:
-    """Invert symmetric matrices: of three rows a, b, c by ``b x c, c x a, a x b`` over ``|a b c|``.
-
-    Element by element over all of them that is ten times as fast as LAPACK, one after the other.
+    Those of three rows a, b, c by ``b x c, c x a, a x b`` over ``|a b c|``: element by element over
+    all of them that is ten times as fast as LAPACK, one after the other.
     """
-    if matrices.shape[-1] != AXES:
-        return np.asarray(np.linalg.inv(matrices), float)
-    m = np.moveaxis(matrices, 0, -1).copy()
+    if len(m) != AXES:
+        return np.moveaxis(np.asarray(np.linalg.inv(np.moveaxis(m, -1, 0)), float), 0, -1)
     inverse = np.empty_like(m)
     for i, j, k in CYCLES:
         for p, q, r in CYCLES:
             inverse[p, i] = m[j, q] * m[k, r] - m[j, r] * m[k, q]
     inverse /= sum(m[0, p] * inverse[p, 0] for p in range(AXES))
-    return np.ascontiguousarray(np.moveaxis(inverse, -1, 0))
+    return inverse
 
 
 def _variances(solution: Array, *stds: Array) -> list[Array]:
@@ -493,10 +552,12 @@ def _pixel_std(view: View) -> Array:
 
 def _mean_std(samples: ViewSamples, pixel_std: Array) -> Array:
     """Average the variance of the pixels around each sample; 0 where there are none."""
-    size = abs(samples.weights)
-    total = size.sum(axis=1)
-    mean = np.divide(size @ pixel_std**2, total, out=np.zeros(len(total)), where=total > 0)
-    return np.sqrt(mean)
+    weights = samples.weights
+    size = scipy.sparse.csr_array(
+        (np.abs(weights.data), weights.indices, weights.indptr), shape=weights.shape
+    )
+    mean, total = (size @ np.stack([pixel_std**2, np.ones_like(pixel_std)], axis=1)).T
+    return np.sqrt(mean / np.where(total > 0, total, 1.0))
 
 
 def _spread(count: int) -> IndexArray:

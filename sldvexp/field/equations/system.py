@@ -83,31 +83,34 @@ class Assembly:
         """
         gaps, triangles, points = patch.sample_shape
         square = self.block**2
-        here = information.reshape(gaps, triangles, points, square)
-        self.uniform = self.uniform and self._same_at_all_depths(here)
-        coefficients = gap_coefficients(self.rule).reshape(-1, points)
+        here = np.ascontiguousarray(information.T).reshape(square, gaps, triangles, points)
+        same = self.rule.triangle is not None and self._same_at_all_depths(here)
+        self.uniform = self.uniform and same
+        coefficients = gap_coefficients(self.rule).reshape(3, 9, points)
+        if self.lumped is not None:  # the mean of all gaps, and of all pairs of a gap's layers
+            coefficients = np.tensordot(TIMES, coefficients, axes=1)[None]
+            lumped = patch.to_nodes(information.reshape(-1, square))
+            self.lumped[:, patch.nodes] += lumped.reshape(*lumped.shape[:2], *2 * [self.block])
+            here = here.mean(axis=1, keepdims=True)
+        elif same:
+            here = here[:, :1]
         place, which = np.unique(self.graph.place[patch.triangles], return_inverse=True)
         corners = which.reshape(triangles, 9).T.ravel()  # (corner, corner, triangle)
         entries = np.ones(len(corners)), (corners, np.arange(len(corners)))
         at_entries = scipy.sparse.csr_array(entries, shape=(len(place), len(corners)))
-        row = self.graph.row[place]
-        starts = np.flatnonzero(np.diff(row, prepend=-1))
-        for gap in range(gaps):
-            each = np.tensordot(coefficients, here[gap], axes=(1, 1))
-            for pair, blocks in enumerate(each.reshape(3, 9 * triangles, square)):
-                sums = (at_entries @ blocks).reshape(-1, self.block, self.block)
-                if self.lumped is None:
-                    self.pairs[gap, pair, place] += sums
-                    continue
-                self.pairs[0, 0, place] += TIMES[pair] / gaps * sums
-                for layer in {gap + i for i in PAIRS[pair]}:
-                    self.lumped[layer, row[starts]] += np.add.reduceat(sums, starts, axis=0)
+        for gap in range(here.shape[1]):
+            of_gap = slice(None) if same and self.lumped is None else gap
+            for pair, some in enumerate(coefficients):
+                blocks = some @ here[:, gap].reshape(-1, points).T
+                blocks = blocks.reshape(9, square, triangles).swapaxes(1, 2)
+                sums = at_entries @ np.ascontiguousarray(blocks).reshape(-1, square)
+                self.pairs[of_gap, pair, place] += sums.reshape(-1, self.block, self.block)
 
     def _same_at_all_depths(self, information: Array) -> bool:
-        gaps, triangles, _, square = information.shape
+        """Tell whether information, (square, gap, triangle, point), does not change with depth."""
         assert self.rule.triangle is not None
-        column = information.reshape(gaps, triangles, -1, len(self.rule.triangle), square)
-        return bool(np.all(column == column[:1, :, :1]))
+        column = information.reshape(*information.shape[:3], -1, len(self.rule.triangle))
+        return bool(np.all(column == column[:, :1, :, :1]))
 
     def system(self, ranked: BoolArray) -> NormalEquations:
         """Finish the matrix.

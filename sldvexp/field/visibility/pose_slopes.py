@@ -61,7 +61,7 @@ class PoseSlopes:
         laser = view.laser(laser)
         known = np.isfinite(dac[:, 0]) & np.isfinite(dac[:, 1])
         by_step = angle_slope(laser, np.where(known[:, None], dac, 0.0)).T.copy()
-        point = to_laser(view, points).T.copy()
+        point = to_laser(view, points).T
         x, y, z = point
         radius = np.hypot(y, z)
         reach = radius + laser.mirror_offset

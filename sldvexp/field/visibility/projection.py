@@ -25,13 +25,15 @@ from sldvexp.field.visibility.view import View
 from sldvexp.geometry import Bins
 from sldvexp.image import Interpolation, Interpolator
 from sldvexp.image.interpolation.base import Located, spread
-from sldvexp.laser import MIRRORS, TwoMirror, direction_cosines, project
+from sldvexp.laser import MIRRORS, TwoMirror, project, project_with_directions
 from sldvexp.lazy import scipy
 from sldvexp.typing import Array, BoolArray, ComplexArray, IndexArray
 
 #: Steepest accepted angle between the surface's normal and the direction to the instrument, rad.
 GRAZING = np.radians(75.0)
 
+#: Points that stay in the cache, whatever is computed of them.
+POINTS_AT_ONCE = 8192
 #: Each axis with the other two after it.
 CYCLES = ((0, 1, 2), (1, 2, 0), (2, 0, 1))
 
@@ -51,7 +53,8 @@ class ViewSamples:
     valid : ndarray of bool, shape (sample,)
         Where the view has a velocity.
     directions : ndarray, shape (sample, 3)
-        Unit vectors from the surface to the instrument, ``v = V . D``, in world axes.
+        Unit vectors from the surface to the instrument, ``v = V . D``, in world axes; a component
+        of all samples is contiguous.
     weights : csr_array, shape (sample, pixel)
         Of the pixels' velocities; rows are empty where not `valid`.
     located : Located
@@ -156,6 +159,7 @@ def project_samples(
         _among(weights.flagged, kept, len(points)),
     )
     value = spread(weights.value, kept, len(points))
+    value.sort_indices()  # now, and not when somebody needs it: sums keep their order
     return ViewSamples(valid, found.directions, value, located, interpolator, found.dac, lost)
 
 
@@ -194,20 +198,37 @@ def sight(view: View, laser: TwoMirror, points: Array) -> ProjectedPoints:
     points : ndarray, shape (point, 3), m
         In the world.
     """
-    laser = view.laser(laser)
+    count, own = len(points), view.laser(laser)
+    behind, off_board = np.empty((2, count), bool)
+    found = ProjectedPoints(np.empty((count, 2)), behind, off_board, np.empty((3, count)).T)
+    for first in range(0, count, POINTS_AT_ONCE):
+        some = slice(first, first + POINTS_AT_ONCE)
+        for every, here in zip(found, _sight(view, own, points[some]), strict=True):
+            every[some] = here
+    return found
+
+
+def _sight(view: View, laser: TwoMirror, points: Array) -> ProjectedPoints:
+    """Project a few points by the view's own laser."""
     in_laser = to_laser(view, points)
-    angles = project(in_laser, laser.mirror_offset)
+    angles, directions = project_with_directions(in_laser, laser.mirror_offset)
     low, high = laser.reach
     behind = in_laser[:, 2] <= 0
     off_board = ~behind & ~laser.reaches(angles)
     dac = laser.dac_from_angle(np.clip(angles, low, high))
     dac[behind | off_board] = np.nan
-    return ProjectedPoints(dac, behind, off_board, direction_cosines(angles) @ view.rotation)
+    in_world = (view.rotation.T @ directions.T).T
+    return ProjectedPoints(dac, behind, off_board, in_world)
 
 
 def to_laser(view: View, points: Array) -> Array:
-    """Turn points into the view's laser frame, ``R (P - origin)``, shape (point, 3), m."""
-    return points @ view.rotation.T - view.rotation @ view.origin
+    """Turn points into the view's laser frame, ``R (P - origin)``, shape (point, 3), m.
+
+    A coordinate of all points is contiguous.
+    """
+    turned: Array = view.rotation @ points.T
+    turned -= (view.rotation @ view.origin)[:, None]
+    return turned.T
 
 
 def angle_slope(laser: TwoMirror, dac: Array) -> Array:

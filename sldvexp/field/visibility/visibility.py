@@ -10,6 +10,7 @@ import hashlib
 from collections.abc import Callable, Hashable, Sequence
 from copy import copy
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any, Self
 
 import numpy as np
@@ -51,15 +52,15 @@ class SampleVisibility:
     position: Array
     frame: Array
 
-    @property
+    @cached_property
     def valid(self) -> BoolArray:
         """Samples that a view has a velocity of, shape (sample, view)."""
-        return np.stack([s.valid for s in self.by_view], axis=1)
+        return np.stack([s.valid for s in self.by_view]).T
 
     @property
     def directions(self) -> Array:
-        """Direction cosines in world axes, shape (sample, view, 3)."""
-        return np.stack([s.directions for s in self.by_view], axis=1)
+        """Direction cosines in world axes, shape (sample, view, 3); the samples are contiguous."""
+        return np.moveaxis(np.stack([s.directions.T for s in self.by_view]), -1, 0)
 
 
 @dataclass(eq=False)

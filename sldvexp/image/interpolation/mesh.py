@@ -82,6 +82,10 @@ class ImageMesh(ABC):
         gradient : ndarray, shape (place, k, 2), 1/step
         """
 
+    def weights(self, corner: NDArray[np.int32], places: Array) -> Array:
+        """Compute the weights of places' corners alone, shape (place, k); see `Located`."""
+        return self.shape_functions(self.vertices[corner], places)[0]
+
     @abstractmethod
     def neighbours(self) -> tuple[IndexArray, IndexArray]:
         """Pair each usable vertex with each usable one near it, in ascending order of the first."""
@@ -96,16 +100,27 @@ class ImageMesh(ABC):
 
     def locate(self, places: Array) -> Located:
         """Locate places, shape (place, 2), steps: cells and weights."""
-        cell = self.find(places)
+        cell = np.empty(len(places), np.intp)
+        for first in range(0, len(places), PLACES_AT_ONCE):
+            some = slice(first, first + PLACES_AT_ONCE)
+            cell[some] = self.find(places[some])
         inside = cell >= 0
-        usable = np.asarray(self.usable[self.cells].all(axis=1))
-        flagged = inside & ~usable[cell]
+        flagged = inside & ~self._whole[cell]
         flagged[~inside] = self.in_hole(places[~inside])
         place = np.flatnonzero(inside & ~flagged)
         # Of the kind of all weights' indices: they are kept as long as what is seen.
-        corner = np.asarray(self.cells[cell[place]], np.int32)
-        weight, _ = self.shape_functions(self.vertices[corner], places[place])
+        corner = np.empty((len(place), self.cells.shape[1]), np.int32)
+        weight = np.empty(corner.shape)
+        for first in range(0, len(place), PLACES_AT_ONCE):
+            some = slice(first, first + PLACES_AT_ONCE)
+            corner[some] = self.cells.take(cell[place[some]], axis=0)
+            weight[some] = self.weights(corner[some], places[place[some]])
         return Located(place, corner, weight, ~inside & ~flagged, flagged)
+
+    @cached_property
+    def _whole(self) -> BoolArray:
+        """Cells whose corners are all usable, shape (cell,)."""
+        return np.asarray(self.usable[self.cells].all(axis=1))
 
     def gradients(self, corner: NDArray[np.int32], places: Array) -> Array:
         """Differentiate the weights of located places' corners by the place, 1/step.
@@ -196,7 +211,7 @@ class Lattice(ImageMesh):
 
     def shape_functions(self, corners: Array, places: Array) -> tuple[Array, Array]:
         """Compute the corners' bilinear weights in a cell's own coordinates, with derivatives."""
-        u, v = self.cell_coordinates(corners, places)
+        u, v = _cell_coordinates(corners, places)
         weight, by_u, by_v = _bilinear(u, v)
         along_u, along_v = (np.einsum("nk,nki->ni", by, corners) for by in (by_u, by_v))
         area = cross(along_u, along_v)
@@ -205,27 +220,43 @@ class Lattice(ImageMesh):
         dv = np.stack([-along_u[:, 1], along_u[:, 0]], axis=-1) / area[:, None]
         return weight, by_u[..., None] * du[:, None] + by_v[..., None] * dv[:, None]
 
-    def cell_coordinates(self, corners: Array, places: Array) -> tuple[Array, Array]:
+    def weights(self, corner: NDArray[np.int32], places: Array) -> Array:
+        """Compute the corners' bilinear weights, see `ImageMesh.weights`."""
+        u, v = self.cell_coordinates(corner, places)
+        return _weights(u, v)
+
+    def cell_coordinates(self, corner: NDArray[np.int32], places: Array) -> tuple[Array, Array]:
         """Find places in their cells, 0 to 1 from the first corner to the second and the fourth."""
-        return _cell_coordinates(corners, places)
+        return _cell_coordinates(self.vertices[corner], places)
 
     def slopes(self, at: Located, places: Array, values: Array) -> Array:
         """Differentiate, see `ImageMesh.slopes`, by the cell's own coordinates, values alone.
 
         Weights that were found before are in the order of a matrix's columns by now.
         """
-        place, value = self.vertices.T.copy(), values.T.copy()
+        value = values.T.copy()
         found = np.empty((2, len(at.corner), values.shape[1]))
         for first in range(0, len(at.corner), PLACES_AT_ONCE):
             some = slice(first, first + PLACES_AT_ONCE)
-            corner = at.corner[some].T.copy()
-            u, v = self.cell_coordinates(self.vertices[at.corner[some]], places[some])
-            (x_u, y_u), (x_v, y_v) = _along(place, corner, u, v)
-            f_u, f_v = _along(value, corner, u, v)
-            area = x_u * y_v - y_u * x_v
-            found[0, some] = ((f_u * y_v - f_v * y_u) / area).T
-            found[1, some] = ((f_v * x_u - f_u * x_v) / area).T
+            corner = at.corner[some]
+            u, v = self.cell_coordinates(corner, places[some])
+            by_own = _along(value, corner, u, v)
+            for axis, by_place in enumerate(self._by_place(corner, u, v, *by_own)):
+                found[axis, some] = by_place.T
         return found
+
+    def _by_place(
+        self, corner: NDArray[np.int32], u: Array, v: Array, by_u: Array, by_v: Array
+    ) -> tuple[Array, Array]:
+        """Turn derivatives by a cell's own coordinates, (column, place), into those by place."""
+        (x_u, y_u), (x_v, y_v) = _along(self._axes, corner, u, v)
+        area = x_u * y_v - y_u * x_v
+        return (by_u * y_v - by_v * y_u) / area, (by_v * x_u - by_u * x_v) / area
+
+    @cached_property
+    def _axes(self) -> Array:
+        """Coordinates of the vertices, shape (2, vertex)."""
+        return self.vertices.T.copy()
 
     def neighbours(self) -> tuple[IndexArray, IndexArray]:
         """List the eight around each pixel.
@@ -273,10 +304,24 @@ class StraightLattice(Lattice):
         )
         return np.where(above | beside, -1, row * (len(columns) - 1) + column)
 
-    def cell_coordinates(self, corners: Array, places: Array) -> tuple[Array, Array]:
+    def cell_coordinates(self, corner: NDArray[np.int32], places: Array) -> tuple[Array, Array]:
         """Find places in their cells, see `Lattice.cell_coordinates`."""
-        u, v = ((places - corners[:, 0]) / (corners[:, 2] - corners[:, 0])).T
-        return u, v
+        (x, y), (width, height) = self._sides(corner)
+        return (places[:, 0] - x) / width, (places[:, 1] - y) / height
+
+    def _sides(self, corner: NDArray[np.int32]) -> tuple[list[Array], list[Array]]:
+        """Find the first corner of each cell, and how far the opposite one is along the axes."""
+        first, opposite = corner[:, 0], corner[:, 2]
+        begin = [axis.take(first) for axis in self._axes]
+        ends = zip(self._axes, begin, strict=True)
+        return begin, [axis.take(opposite) - start for axis, start in ends]
+
+    def _by_place(
+        self, corner: NDArray[np.int32], u: Array, v: Array, by_u: Array, by_v: Array
+    ) -> tuple[Array, Array]:
+        """Turn derivatives by a cell's own coordinates, see `Lattice._by_place`."""
+        width, height = self._sides(corner)[1]
+        return by_u / width, by_v / height
 
     def shape_functions(self, corners: Array, places: Array) -> tuple[Array, Array]:
         """Compute the corners' bilinear weights in a cell's own coordinates, with derivatives."""
@@ -315,9 +360,17 @@ def corners_of_cells(grid: Array) -> IndexArray:
     return cells if cross(*diagonals) > 0 else cells[:, ::-1]
 
 
+def _weights(u: Array, v: Array) -> Array:
+    """Weight the corners (0, 0), (1, 0), (1, 1), (0, 1), shape (place, corner)."""
+    found = np.empty((len(u), 4))
+    for k, (a, b) in enumerate(((1 - u, 1 - v), (u, 1 - v), (u, v), (1 - u, v))):
+        np.multiply(a, b, out=found[:, k])
+    return found
+
+
 def _bilinear(u: Array, v: Array) -> tuple[Array, Array, Array]:
     """Weight the corners (0, 0), (1, 0), (1, 1), (0, 1), with derivatives by u and by v."""
-    weight = np.stack([(1 - u) * (1 - v), u * (1 - v), u * v, (1 - u) * v], axis=-1)
+    weight = _weights(u, v)
     by_u = np.stack([v - 1, 1 - v, v, -v], axis=-1)
     by_v = np.stack([u - 1, -u, u, 1 - u], axis=-1)
     return weight, by_u, by_v
@@ -329,9 +382,9 @@ def _along(values: Array, corner: NDArray[np.int32], u: Array, v: Array) -> tupl
     Parameters
     ----------
     values : ndarray, shape (column, vertex)
-    corner : ndarray of int, shape (4, place)
+    corner : ndarray of int, shape (place, 4)
     """
-    a, b, c, d = (values.take(number, axis=1) for number in corner)
+    a, b, c, d = (values.take(number, axis=1) for number in corner.T)
     return (b - a) + v * ((c - d) - (b - a)), (d - a) + u * ((c - b) - (d - a))
 
 

@@ -216,7 +216,7 @@ def without_units(name: str):
     return change
 
 
-@pytest.mark.one_in(4)
+@pytest.mark.one_in(12)
 @pytest.mark.parametrize(
     ("change", "message"),
     [
