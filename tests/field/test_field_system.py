@@ -209,6 +209,36 @@ def test_rows_at_samples(rows: str, generalised: bool, intercept: bool, seed: in
         assert at.rows[s] == len(left)
 
 
+@pytest.mark.parametrize(("rows", "intercept"), [("all", False), ("all", True), ("few", False)])
+def test_samples_some_at_a_time(
+    rows: str, intercept: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Normal equations and their solutions are those of each sample by itself."""
+    rng = np.random.default_rng(6)
+    directions, std = rng.normal(size=(40, 5, 3)), rng.uniform(0.5, 2, (40, 5))
+    valid = rng.random((40, 5)) < 0.7
+    a = differences_from_first(NAMES).matrix if rows == "few" else views(NAMES).matrix
+    generalised, parameters = rows == "all", 4 if intercept else 3
+    monkeypatch.setattr("sldvexp.field.equations.sample_model.SAMPLES_IN_CACHE", 7)
+    at = RowModel(a, intercept, generalised, 1e-9, complete=True).at(directions, valid, std)
+    lost = ~at.kept
+    assert lost.any()
+    assert at.kept.any()
+    weighted = at.weight.times(at.design)
+    last = at.weight.times_last(np.moveaxis(at.design, 0, -1))
+    np.testing.assert_allclose(np.moveaxis(last, -1, 0), weighted, rtol=1e-12, atol=1e-12)
+    information, estimator = at.products()
+    np.testing.assert_allclose(estimator, np.swapaxes(weighted, 1, 2), rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(information, estimator @ at.design, rtol=1e-12, atol=1e-12)
+    inverse, solution = at.solutions()
+    assert not inverse[lost].any()
+    assert not solution[lost].any()
+    expected = np.linalg.inv(information[at.kept])
+    np.testing.assert_allclose(inverse[at.kept], expected, rtol=1e-8, atol=1e-8)
+    x = solution[at.kept] @ at.design[at.kept]
+    np.testing.assert_allclose(x, np.broadcast_to(np.eye(parameters), x.shape), atol=1e-8)
+
+
 def test_rows_of_all_views_and_differences() -> None:
     """With weights by their covariance, differences from any view say the same."""
     rng = np.random.default_rng(5)

@@ -33,9 +33,9 @@ def equations_of(
     return parts, normal_equations(parts, nothing).system
 
 
-@pytest.mark.one_in(3)
+@pytest.mark.one_in(4)
 @pytest.mark.parametrize("method", [Absolute(), Contravariant()])
-@pytest.mark.parametrize("columns", [24, 12])
+@pytest.mark.parametrize("columns", [12, 24])
 def test_together_and_one_by_one(
     make_plate: Callable[..., Prisms],
     make_views: Callable[..., list[View]],

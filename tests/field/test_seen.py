@@ -54,6 +54,30 @@ def points(count: int = 300, half: float = 0.3, seed: int = 2) -> np.ndarray:
     return np.random.default_rng(seed).uniform(-half, half, (count, 3)) * [1, 1, 0.1]
 
 
+@pytest.mark.parametrize("method", [Interpolation.linear, Interpolation.cubic])
+def test_weights_keep_their_order(method: Interpolation) -> None:
+    """Scipy sorts a matrix in place, once it has to: then sums over it would be rounded anew."""
+    weights = project_samples(view(), LASER, points(), None, method).weights
+    before = weights.data.copy(), weights.indices.copy()
+    assert abs(weights).nnz == weights.power(2).nnz
+    np.testing.assert_array_equal(weights.data, before[0])
+    np.testing.assert_array_equal(weights.indices, before[1])
+
+
+def test_points_some_at_a_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Behind the instrument, off the board and beside the image, too."""
+    at, p = view(), points(half=3.0) * [1, 1, 10]
+    whole = project_samples(at, LASER, p, None, Interpolation.linear)
+    assert all(whole.lost[why] for why in (BEHIND, OFF_BOARD, OUTSIDE))
+    monkeypatch.setattr("sldvexp.field.visibility.projection.POINTS_AT_ONCE", 7)
+    monkeypatch.setattr("sldvexp.image.interpolation.mesh.PLACES_AT_ONCE", 7)
+    parts = project_samples(at, LASER, p, None, Interpolation.linear)
+    assert parts.lost == whole.lost
+    np.testing.assert_allclose(parts.dac, whole.dac, rtol=1e-12)
+    np.testing.assert_allclose(parts.directions, whole.directions, atol=1e-15)
+    np.testing.assert_allclose(parts.weights.toarray(), whole.weights.toarray(), atol=1e-10)
+
+
 def test_beam_of_the_image_point_meets_the_point() -> None:
     at, p = view(), points()
     seen = project_samples(at, LASER, p, None, Interpolation.linear)

@@ -11,11 +11,40 @@ from hypothesis import strategies as st
 from omegaconf import OmegaConf
 
 from sldvexp.errors import ConfigError, UserError
-from sldvexp.laser import Board, Mirror, TwoMirror
+from sldvexp.laser import (
+    Board,
+    Mirror,
+    TwoMirror,
+    direction_cosines,
+    project,
+    project_with_directions,
+)
 from sldvexp.pose.rough_pose import predicted_steps
 from sldvexp.session.outline import _dac as outline_steps
 from sldvexp.units import AngleUnit
 from tests.composing import part
+
+
+def test_points_are_projected_with_their_directions() -> None:
+    """As by the angles, before the mirrors, behind them and on their axes."""
+    p = np.random.default_rng(3).normal(size=(50, 3))
+    p[:3] = [[0, 0, 0], [0.3, 0, 0], [-0.1, 0, 2]]
+    for offset in (0.0, 0.045):
+        angles, directions = project_with_directions(p, offset)
+        np.testing.assert_allclose(angles, project(p, offset), atol=1e-15)
+        np.testing.assert_allclose(directions, direction_cosines(angles), atol=2e-15)
+
+
+def test_a_straight_line_needs_no_search() -> None:
+    straight, bent = (
+        TwoMirror(up_down=Mirror(24, 0.3, few), left_right=Mirror(-23, -0.2, few))
+        for few in ([], [0.0])
+    )
+    low, high = straight.reach
+    angle = low + np.random.default_rng(4).random((200, 2)) * (high - low)
+    steps = straight.dac_from_angle(angle)
+    np.testing.assert_allclose(steps, bent.dac_from_angle(angle), rtol=1e-13, atol=1e-11)
+    np.testing.assert_allclose(straight.angle_from_dac(steps), angle, atol=1e-15)
 
 
 @st.composite

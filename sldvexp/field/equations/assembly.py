@@ -198,9 +198,7 @@ def _add_right_side(part: RegionSamples, data: list[Array], found: Array) -> Non
         for first in range(0, samples, SAMPLES_IN_CACHE):
             here = slice(first, min(first + SAMPLES_IN_CACHE, samples))
             these = slice(gap * samples + here.start, gap * samples + here.stop)
-            side[..., here] = np.einsum(
-                "kps,kcs->pcs", estimator[..., these], velocity[..., these]
-            )
+            side[..., here] = np.einsum("kps,kcs->pcs", estimator[..., these], velocity[..., these])
         sums = part.patch.gap_to_nodes(side.reshape(-1, samples))
         found[gap : gap + 2] += sums.reshape(2, *found.shape[1:])
 

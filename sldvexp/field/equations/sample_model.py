@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -529,7 +528,7 @@ def _inverse(m: Array) -> Array:
     all of them that is ten times as fast as LAPACK, one after the other.
     """
     if len(m) != AXES:
-        return np.moveaxis(np.linalg.inv(np.moveaxis(m, -1, 0)), 0, -1)
+        return np.moveaxis(np.asarray(np.linalg.inv(np.moveaxis(m, -1, 0)), float), 0, -1)
     inverse = np.empty_like(m)
     for i, j, k in CYCLES:
         for p, q, r in CYCLES:

@@ -199,8 +199,8 @@ def sight(view: View, laser: TwoMirror, points: Array) -> ProjectedPoints:
         In the world.
     """
     count, own = len(points), view.laser(laser)
-    flags = np.empty((2, count), bool)
-    found = ProjectedPoints(np.empty((count, 2)), *flags, np.empty((3, count)).T)
+    behind, off_board = np.empty((2, count), bool)
+    found = ProjectedPoints(np.empty((count, 2)), behind, off_board, np.empty((3, count)).T)
     for first in range(0, count, POINTS_AT_ONCE):
         some = slice(first, first + POINTS_AT_ONCE)
         for every, here in zip(found, _sight(view, own, points[some]), strict=True):

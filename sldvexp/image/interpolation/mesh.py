@@ -248,7 +248,7 @@ class Lattice(ImageMesh):
     def _by_place(
         self, corner: NDArray[np.int32], u: Array, v: Array, by_u: Array, by_v: Array
     ) -> tuple[Array, Array]:
-        """Turn derivatives by a cell's own coordinates, (column, place), into those by the place."""
+        """Turn derivatives by a cell's own coordinates, (column, place), into those by place."""
         (x_u, y_u), (x_v, y_v) = _along(self._axes, corner, u, v)
         area = x_u * y_v - y_u * x_v
         return (by_u * y_v - by_v * y_u) / area, (by_v * x_u - by_u * x_v) / area
@@ -310,7 +310,7 @@ class StraightLattice(Lattice):
         return (places[:, 0] - x) / width, (places[:, 1] - y) / height
 
     def _sides(self, corner: NDArray[np.int32]) -> tuple[list[Array], list[Array]]:
-        """Find the first corner of each cell, and how far away the opposite one is along the axes."""
+        """Find the first corner of each cell, and how far the opposite one is along the axes."""
         first, opposite = corner[:, 0], corner[:, 2]
         begin = [axis.take(first) for axis in self._axes]
         ends = zip(self._axes, begin, strict=True)
