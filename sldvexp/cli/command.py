@@ -6,6 +6,7 @@ needs are imported as a whole, and load a module when a name of it is first used
 
 from __future__ import annotations
 
+import atexit
 import ctypes
 import gc
 import logging
@@ -72,6 +73,7 @@ def main(asked: Sequence[str]) -> None:
     """
     warnings.formatwarning = _warning
     gc.disable()  # composing makes many objects and no garbage; a job turns it on again
+    atexit.register(gc.freeze)  # a process that ends need not look for garbage, which takes 0.4 s
     heed()
     try:
         with hydra_raises() as full_error:

@@ -66,6 +66,7 @@ REPEATING = {
 }
 
 
+@pytest.mark.one_in(4)
 @pytest.mark.parametrize("name", REPEATING)
 def test_a_value_that_the_file_need_not_give_is_found(name, tmp_path):
     content, keys = REPEATING[name]

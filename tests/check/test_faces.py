@@ -77,6 +77,7 @@ def test_a_side_that_is_beside_where_it_is_said_is_told_by_its_normal_motion():
     assert "most along its normal, as no lever arm explains" in finding.text
 
 
+@pytest.mark.whole
 def test_a_wrong_thickness_shows_nowhere():
     """It moves places and lever arms alike, and a beam sees a rigid normal the same all along."""
     right, wrong = session(10), session(10, thickness=0.00315)

@@ -83,6 +83,7 @@ def test_a_pose_that_is_wrong_tells_methods_apart():
     assert (found["reject"].mean("frequency") > 0.9).all()
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("is_complex", [True, False])
 @pytest.mark.parametrize("std", [None, STD])
 def test_components_that_are_zero_are_needed_as_often_as_the_test_says(std, is_complex):

@@ -85,7 +85,7 @@ def test_the_master_configuration_of_a_sweep(loaders):
     assert described(quick) == described(usual)
 
 
-@pytest.mark.one_in(3)
+@pytest.mark.one_in(6)
 @pytest.mark.parametrize("overrides", REFUSED.values(), ids=REFUSED)
 def test_what_is_refused(loaders, overrides):
     told = []

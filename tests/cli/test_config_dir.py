@@ -82,7 +82,7 @@ def test_own_choices_are_listed_and_shown(sldvexp, lab):
     assert "ometron, ours, ometron_16bit" in out
 
 
-@pytest.mark.one_in(4)
+@pytest.mark.one_in(8)
 @pytest.mark.parametrize(
     ("file", "old", "new", "told"),
     [

@@ -1,4 +1,4 @@
-"""Memory of a run's process is that of one heap."""
+"""Memory of a run's process is that of one heap, and at its end nobody looks for garbage in it."""
 
 from __future__ import annotations
 
@@ -43,3 +43,19 @@ def test_threads_share_one_heap(heaps):
     call = [sys.executable, "-c", PROGRAM, heaps]
     told = subprocess.run(call, capture_output=True, text=True, check=True).stdout
     assert (told.count("<heap nr=") == 1) == (heaps == "one")
+
+
+#: Tells at the very end how many objects the search for garbage passes over.
+ENDING = """
+import atexit, gc
+atexit.register(lambda: print(gc.get_freeze_count(), len(gc.get_objects())))
+from sldvexp.cli import command
+command.main([])
+"""
+
+
+def test_a_process_that_ends_looks_for_no_garbage():
+    call = [sys.executable, "-c", ENDING, "--version"]
+    told = subprocess.run(call, capture_output=True, text=True, check=True).stdout
+    passed_over, others = map(int, told.splitlines()[-1].split())
+    assert others < 1000 < passed_over

@@ -9,7 +9,7 @@ import pytest
 from sldvexp.errors import UserError
 
 
-@pytest.mark.one_in(4)
+@pytest.mark.one_in(8)
 @pytest.mark.parametrize(
     ("setting", "told"),
     {
@@ -46,7 +46,7 @@ def test_bare_off_in_a_file_is_told_from_a_word(sldvexp, tmp_path):
     assert sldvexp(*called).status == 0
 
 
-@pytest.mark.one_in(2)
+@pytest.mark.one_in(4)
 @pytest.mark.parametrize(
     ("entries", "told"),
     {

@@ -28,7 +28,7 @@ def test_an_honest_folder_goes_on(sldvexp, unfinished):
     assert (unfinished / "run.nc").is_file()
 
 
-@pytest.mark.one_in(4)
+@pytest.mark.one_in(8)
 @pytest.mark.parametrize(
     ("line", "told"),
     [

@@ -57,7 +57,8 @@ def looking(box):
     made.bench.leave()
 
 
-@pytest.mark.parametrize("view", ["3", pytest.param("4", marks=pytest.mark.whole)])
+@pytest.mark.whole
+@pytest.mark.parametrize("view", ["3", "4"])
 def test_a_look_at_all_says_which_spot_is_which_circle_and_marks_go_before_spots(
     looking, lab, view
 ):

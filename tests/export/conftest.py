@@ -19,7 +19,7 @@ FREQUENCIES = [195.0, 440.0, 545.012345]
 
 FIELD = [
     "experiment=plate_frf",
-    "scan.pixels=[9,9]",
+    *("scan.pixels=[9,9]", "~scan.views.5"),
     "scan.sampling={samples: 256, rate: 5120.0, frequency: [195.0, 440.0, 545.012345]}",
     "volume={size: [0.2, 0.15], shape: [4, 3], layers: 3, thickness: 0.01}",
     *("reconstruction=samplewise", "~compare.samplewise", "~check.truth", "~check.samplewise"),

@@ -353,6 +353,7 @@ def marked(picture):
     return np.stack([across[order], len(picture) - down[order]], axis=1)
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("phase", PHASES)
 def test_picture_shows_nodes_where_they_are(phase):
     """Seen along y all dots are equally far, so that distances in the picture are true."""

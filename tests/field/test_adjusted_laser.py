@@ -134,7 +134,7 @@ def test_bounds_hold_with_a_free_mirror_offset(
     assert as_configured.mean() > 100
 
 
-@pytest.mark.one_in(3)
+@pytest.mark.whole
 @pytest.mark.parametrize("known", ["by view", "together", "shared"])
 def test_zero_of_the_up_down_mirror_is_a_rotation_about_its_axis(
     make_plate: Make, make_views: Make, six_points: SampleRule, laser: TwoMirror, known: str

@@ -102,7 +102,8 @@ def test_derivative_by_the_poses(
         looks = VolumeVisibility(changed, laser, prisms, six_points)
         return estimate(looks, method, local=local, bounds=False).velocity
 
-    for k, parameter in ((0, 0), (1, 1), (2, 2), (3, 3), (1, 4), (2, 5)):
+    every = ((0, 0), (1, 1), (2, 2), (3, 3), (1, 4), (2, 5))
+    for k, parameter in every[:: 2 if local else 1]:
         step = h * np.eye(6)[parameter]
         slope = (velocity(k, step) - velocity(k, -step)) / (2 * h)
         covariance = np.zeros((30, 30))

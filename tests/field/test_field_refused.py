@@ -390,6 +390,7 @@ def small(
     return VolumeVisibility(views, laser, make_plate((6, 5), 4), rule)
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("name", ["absolute", "contravariant"])
 def test_cholesky_is_direct(
     make_plate: Make, make_views: Make, laser: TwoMirror, six_points: SampleRule, name: str

@@ -68,6 +68,7 @@ def test_every_method_and_solver_is_what_it_is_alone(look: Callable[[], VolumeVi
                 assert_same_bits(solve_field(together, method, solver), result)
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("other", [{"bounds": False}, {"local": True}], ids=str)
 def test_a_fit_takes_nothing_of_one_without_bounds_or_in_other_coordinates(
     look: Callable[..., VolumeVisibility], other: dict[str, bool]

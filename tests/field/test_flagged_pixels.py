@@ -63,7 +63,7 @@ def rms_error(looks: VolumeVisibility, method: Reconstruction) -> np.ndarray:
     return np.sqrt(np.nanmean(np.abs(result.velocity) ** 2, axis=(0, 2)))
 
 
-@pytest.mark.one_in(2)
+@pytest.mark.whole
 @pytest.mark.parametrize("seed", [1, 2])
 def test_errors_stay_near_those_of_all_views_together(laser: TwoMirror, seed: int) -> None:
     """A twentieth of the pixels is lost; elements are as small as pixels."""

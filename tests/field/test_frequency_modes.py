@@ -26,6 +26,7 @@ def modes_of(data: list[Array], expected: float) -> Array:
     return FrequencyModes.from_data(data, np.full(COLUMNS, expected)).combination
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("modes", [1, 7, 40])
 @pytest.mark.parametrize("noise", [0.0, NOISE])
 def test_few_modes_are_those_of_the_whole_matrix(

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from sldvexp.field import View, VolumeVisibility
 from sldvexp.field.bounds.inverse import ODD, ViewInfluence, _differ, _pseudo_inverse
@@ -35,6 +36,18 @@ def test_layers_beside_one_another(
         np.testing.assert_allclose(
             one.transposed_times(vectors), expected.T @ vectors.T, atol=1e-12
         )
+
+
+def test_a_view_that_sees_none_of_a_patch(
+    make_plate: Callable[..., Prisms], six_points: SampleRule
+) -> None:
+    prisms = make_plate((4, 3), layers=3)
+    patch = Patch.over(prisms, six_points, np.arange(len(prisms.triangles)))
+    estimator = np.ones((np.prod(patch.sample_shape), 3))
+    weights = csr_array((len(estimator), 7))
+    (found,) = influences_by_layers(patch, [estimator], weights)
+    assert found.shape == (3 * len(patch.nodes), 7 * 3)
+    assert found.nnz == 0
 
 
 def test_vectors_of_few_parameters(

@@ -152,6 +152,7 @@ def test_intercepts_and_errors_of_poses_are_told_apart(
     assert np.mean(p < LEVEL) > LEVEL + 3 * np.sqrt(LEVEL * (1 - LEVEL) / 20)
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("several", [False, True])
 def test_it_is_the_squared_distance_in_the_intercepts_own_covariance(
     make_plate: Make, make_views: Make, six_points: SampleRule, laser: TwoMirror, several: bool

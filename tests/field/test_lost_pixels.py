@@ -41,7 +41,7 @@ def spoiled(
     return looks
 
 
-@pytest.mark.one_in(3)
+@pytest.mark.one_in(6)
 @pytest.mark.parametrize(
     ("name", "fields", "part", "seed"),
     [

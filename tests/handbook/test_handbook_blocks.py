@@ -62,6 +62,7 @@ SESSIONS = {
     "own_files",
     "own_plate",
     "planning",
+    "python",
     "sweeps",
     "velocity_images",
 }

@@ -29,7 +29,7 @@ def test_page_goes_to_a_file_as_it_is(sldvexp, topic):
     assert done.out == (HANDBOOK / f"{topic}.md").read_text(encoding="utf-8")
 
 
-@pytest.mark.one_in(3)
+@pytest.mark.one_in(12)
 @pytest.mark.parametrize("topic", TOPICS)
 def test_terminal_gets_headings_and_tables_that_are_set(sldvexp, monkeypatch, topic):
     monkeypatch.setenv("FORCE_COLOR", "1")  # rich then takes any output for a terminal
@@ -100,7 +100,7 @@ def test_words_within_others_do_not_count_where_there_is_the_word_itself(sldvexp
     assert "  own_files" in sldvexp("handbook", "igitize").out  # of which nothing is known else
 
 
-@pytest.mark.one_in(2)
+@pytest.mark.whole
 @pytest.mark.parametrize("arguments", [[], TOPICS[:1]])
 def test_command_loads_neither_numpy_nor_other_heavy_libraries(loaded_by, arguments):
     code = "from sldvexp.cli import main; main.main()"

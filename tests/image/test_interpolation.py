@@ -156,16 +156,17 @@ def test_gradient(kind: str, method: Interpolation) -> None:
         np.testing.assert_allclose(slope[same], difference[same], atol=1e-6)
 
 
-@pytest.mark.one_in(3)
+@pytest.mark.one_in(6)
+@pytest.mark.parametrize("sizes", [(25, 49), (25, 49, 97)], ids=len)
 @pytest.mark.parametrize("kind", ["even", "oblique", "scattered"])
 @methods
-def test_rate(kind: str, method: Interpolation) -> None:
+def test_rate(kind: str, method: Interpolation, sizes: tuple[int, ...]) -> None:
     def error(n: int) -> float:
         image = oblique(n, whole=False) if kind == "oblique" else KINDS[kind][0](n)
         w = method.prepare(image).at(places())
         return float(np.sqrt(np.mean((w.value @ smooth(image.dac) - smooth(places())) ** 2)))
 
-    errors = [error(n) for n in (25, 49, 97)]
+    errors = [error(n) for n in sizes]
     rates = -np.diff(np.log2(errors))
     if method is Interpolation.linear:
         np.testing.assert_allclose(rates, 2.0, atol=0.15)
@@ -173,7 +174,7 @@ def test_rate(kind: str, method: Interpolation) -> None:
         assert (rates > 2.75).all()
 
 
-@pytest.mark.one_in(2)
+@pytest.mark.one_in(4)
 @pytest.mark.parametrize("kind", ["even", "oblique"])
 @pytest.mark.parametrize("hole", [0, 3])
 def test_the_mean_of_a_cell_beside_missing_pixels_has_no_error_of_third_order(
@@ -429,7 +430,7 @@ def waving(image: Image, noise: float = 0.0) -> Image:
     return image
 
 
-@pytest.mark.one_in(2)
+@pytest.mark.one_in(4)
 @cases
 def test_auto_takes_cubic_where_it_predicts_pixels_better(kind: str) -> None:
     make = KINDS[kind][0]

@@ -318,7 +318,7 @@ FORM = (
 )
 
 
-@pytest.mark.one_in(2)
+@pytest.mark.whole
 @pytest.mark.parametrize("frequency", [EVEN, UNEVEN], ids=["even", "uneven"])
 def test_damage_of_the_form_of_any_file_is_harmless_or_refused(tmp_path, frequency):
     content = bare(frequency)

@@ -25,7 +25,7 @@ def acquisition(kind, rate=5120.0, samples=512, records=3, **played):
     return Acquisition(rate, samples, (), played.get("amplitude", 1.0), design, records, 1)
 
 
-@pytest.mark.one_in(2)
+@pytest.mark.one_in(6)
 @pytest.mark.parametrize(
     ("kind", "played"),
     [

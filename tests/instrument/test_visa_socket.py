@@ -228,6 +228,7 @@ def test_the_command_serves_what_a_folder_of_ones_own_has_and_says_when_it_ends(
     assert_ends_with_a_word(process, resource, signal.SIGTERM)
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize(
     ("name", "text", "told"),
     [

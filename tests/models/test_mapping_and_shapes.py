@@ -116,6 +116,7 @@ def test_right_model_leaves_noise_also_with_poses_that_are_off(measured, session
     assert known.p_value > 1e-3 > 1e-6 > unknown.p_value
 
 
+@pytest.mark.whole
 def test_added_mass_of_two_thousandths_is_found_and_mixes_neighbouring_modes():
     tests = examined(Measured(true_plate(MASS)), closed_form(), 0, POSE_STD)
     assert join_shapes(tests).p_value < 1e-12

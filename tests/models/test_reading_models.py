@@ -266,6 +266,7 @@ def with_rest_beside(tree, speed=0.0):
     return made
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("speed", [0.0, 0.03])
 def test_half_of_the_pixels_at_rest_beside_the_model_are_left_out_and_counted(
     tmp_path, tree, speed
@@ -284,7 +285,7 @@ def test_half_of_the_pixels_at_rest_beside_the_model_are_left_out_and_counted(
     assert {f.severity for f in told} == {Severity.note}
 
 
-@pytest.mark.one_in(2)
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize(
     ("wrong", "said"),
     [

@@ -128,6 +128,7 @@ def test_names_beside_a_place_are_as_far_from_it_as_spaces_say():
     assert names[0].rstrip() == "front"
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("name", SHOWN)
 def test_every_axis_has_its_unit_and_every_panel_its_data(figures, name):
     figure = figures.made(name)
@@ -211,6 +212,7 @@ def rightwards(axes, steps):
     return places - places[0]
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("name", AS_SEEN)
 def test_views_are_as_one_sees_them_at_the_instrument(figures, name):
     panels = [a for a in figures[name].axes if a.get_aspect() != "auto" and a.name != "3d"]

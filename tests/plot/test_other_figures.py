@@ -44,7 +44,7 @@ def test_points_have_their_bounds():
 
 
 def test_names_are_written_as_they_are(tmp_path):
-    tree = {"point": groups.point(1), r"compare/a$\nonsense_$": groups.point(2)}
+    tree = {"point": groups.point(1, 1), r"compare/a$\nonsense_$": groups.point(2, 1)}
     (file,) = sldvexp.plot.save(sldvexp.plot.point(tree), tmp_path / "point", formats=["svg"])
     assert r">a$\nonsense_$<" in file.read_text(encoding="utf-8")
 
@@ -268,7 +268,7 @@ def test_units_get_a_handy_prefix(values, expected):
 
 
 def test_files_are_the_same_each_time(tmp_path):
-    tree = {"point": groups.point(1)}
+    tree = {"point": groups.point(1, 1)}
     first = sldvexp.plot.save(sldvexp.plot.point(tree), tmp_path / "one" / "point")
     again = sldvexp.plot.save(sldvexp.plot.point(tree), tmp_path / "two" / "point")
     assert [p.name for p in first] == ["point.png", "point.svg"]
@@ -281,7 +281,7 @@ def test_files_are_the_same_each_time(tmp_path):
 
 
 def test_a_notebook_shows_a_figure():
-    figure = sldvexp.plot.point({"point": groups.point(1)})
+    figure = sldvexp.plot.point({"point": groups.point(1, 1)})
     assert figure._repr_png_().startswith(b"\x89PNG")
 
 

@@ -115,7 +115,7 @@ def strain():
     return made_strain(grid.group())
 
 
-@pytest.mark.one_in(17)
+@pytest.mark.one_in(23)
 @pytest.mark.parametrize("width", [COLUMN, PAGE])
 @pytest.mark.parametrize("name", [*OF_SESSION, *OF_GROUPS])
 def test_letters_are_large_enough_inside_and_apart(tree, name, width):
@@ -145,6 +145,7 @@ def five_digits(centre):
     return edge
 
 
+@pytest.mark.whole
 @pytest.mark.one_in(4)
 @pytest.mark.parametrize("width", [COLUMN, PAGE])
 @pytest.mark.parametrize("name", ["edges", "conics"])

@@ -109,6 +109,7 @@ def test_an_arrow_says_what_nothing_determines():
     np.testing.assert_allclose(arrow.undetermined_common(), [0, 1], atol=1e-6)
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("count", [2, 3, 4, 5])
 def test_points_without_noise_give_all_views_and_what_they_share(poses, count):
     some = first(poses, count)
@@ -120,6 +121,7 @@ def test_points_without_noise_give_all_views_and_what_they_share(poses, count):
     assert covariance.shape == (6 * count + 4,) * 2
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("count", [2, 3, 4, 5])
 def test_edges_without_noise_give_all_views_and_what_they_share(edge_lab, make_circles, count):
     mirrors = MirrorErrors(0.015, MirrorError(gain=0.01), MirrorError(gain=-0.005, zero=0.004))

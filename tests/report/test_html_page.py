@@ -165,6 +165,7 @@ def test_points_that_are_left_out_are_counted_below_the_table(
     assert page.text.count(": V_x ") == 4
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize(
     ("passed", "told"),
     [
@@ -270,14 +271,9 @@ def test_garbage_is_looked_for_later_as_it_was_before(pages, monkeypatch, tmp_pa
     assert during == [False, False]
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize(
-    "words",
-    [
-        ("experiment=point",),
-        pytest.param(("experiment=pose",), marks=pytest.mark.whole),
-        pytest.param((), marks=pytest.mark.whole),
-        pytest.param(("experiment=plate_modes",), marks=pytest.mark.whole),
-    ],
+    "words", [("experiment=point",), ("experiment=pose",), (), ("experiment=plate_modes",)]
 )
 def test_page_of_what_is_in_memory_is_that_of_the_file(words, run_once, pages, tmp_path):
     folder = run_once(*words, pages=True)

@@ -258,7 +258,7 @@ def profiles(tmp_path):
         (tmp_path / f"{name}.yaml").write_text(text.replace(old, new))
 
 
-@pytest.mark.one_in(8)
+@pytest.mark.one_in(16)
 @pytest.mark.usefixtures("profiles")
 @pytest.mark.parametrize(
     "row", [pytest.param(r, id=str(r), marks=[pytest.mark.long] * r.long) for r in TABLE]

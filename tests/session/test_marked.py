@@ -82,6 +82,7 @@ def test_lines_that_a_run_has_kept_from_before_stay(composed, tmp_path):
         np.testing.assert_array_equal(again["edge/a"]["dac"], whole["edge/a"]["dac"])
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize(
     ("numbers", "told"),
     [
@@ -95,11 +96,17 @@ def test_marks_of_which_nothing_follows_have_the_usual_stride(composed, tmp_path
         scanned(marked(composed, numbers), tmp_path)
 
 
-def test_a_stride_that_is_set_too_small_is_told_with_that_of_the_circles_size(composed, tmp_path):
+@pytest.mark.parametrize("tried", [False, pytest.param(True, marks=pytest.mark.whole)])
+def test_a_stride_that_is_set_too_small_is_told_with_that_of_the_circles_size(
+    composed, tmp_path, tried
+):
     e = marked(composed, (1, 2, 3, 4), "scan.calibration.coarse.stride=5")
     told = r"a larger stride than 5, coarse\.stride=(\d+), below scan, "
     with pytest.raises(UserError, match=told) as error:
         scanned(e, tmp_path / "wrong")
     stride = re.search(told, str(error.value))[1]
+    assert int(stride) > 5
+    if not tried:
+        return
     right = marked(composed, (1, 2, 3, 4), f"scan.calibration.coarse.stride={stride}")
     assert len(edges_of(scanned(right, tmp_path / "right")["edge/a"])) == 4

@@ -200,7 +200,7 @@ def test_records_that_are_not_as_asked_for_are_refused(fault, told):
         Averaging(Response(), acquisition, 0).measure(instrument, np.zeros((3, 2), int), 0)
 
 
-@pytest.mark.one_in(3)
+@pytest.mark.one_in(6)
 @pytest.mark.parametrize(
     ("change", "told"),
     [

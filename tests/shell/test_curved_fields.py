@@ -51,7 +51,7 @@ def strain(points, frames):
     return np.stack([local[:, 0, 0], local[:, 1, 1], shear], axis=1)
 
 
-def views(rng, pixels=(21, 25), noise=lab.NOISE):
+def views(rng, pixels=(17, 19), noise=lab.NOISE):
     """Images of the face, half a thickness above the sphere."""
     s, t = (np.linspace(-b, b, n) for b, n in zip((0.13, 0.105), pixels, strict=True))
     x, y = (a.ravel() for a in np.meshgrid(s, t, indexing="ij"))

@@ -44,6 +44,7 @@ def test_a_structure_that_ends_early_is_told_with_the_margin_that_is_right(sides
     assert held.mean() > 0.9
 
 
+@pytest.mark.whole
 def test_a_shadow_in_one_view_is_no_end_of_the_structure():
     truth, volume = lab.plate(), lab.volume()
     views = lab.views(truth, np.random.default_rng(2), lab.FINE)

@@ -124,7 +124,7 @@ def test_pixels_and_places_in_many_parts_give_the_same(monkeypatch):
     """Products, equations of errors, pointing, what no column of several lines holds, nodes."""
     frequency, laser = (190.0, 200.0, 210.0), replace(lab.LASER, pointing_std=0.02)
     views = lab.views(
-        lab.plate(), np.random.default_rng(3), pixels=(12, 12), frequency=frequency, noise=1e-5
+        lab.plate(), np.random.default_rng(3), pixels=(10, 10), frequency=frequency, noise=1e-5
     )
     covariance = np.diag(np.tile([15e-6] * 3 + [27e-6] * 3, len(views)) ** 2)
     fields = []

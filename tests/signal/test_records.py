@@ -48,7 +48,7 @@ def within(share, count):
     return 3.9 * np.sqrt(share * (1 - share) / count)
 
 
-@pytest.mark.one_in(2)
+@pytest.mark.one_in(4)
 @pytest.mark.parametrize("kind", PERIODIC)
 @pytest.mark.parametrize("pixels", [60, pytest.param(800, marks=pytest.mark.long)])
 def test_periodic_excitation_has_no_bias_and_honest_bounds(five_modes, kind, pixels):

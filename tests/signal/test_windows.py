@@ -111,7 +111,7 @@ def test_windows_of_other_excitations_are_refused(settings, said):
         checks.done()
 
 
-def hits(force, noise=0.01, pixels=200, count=10):
+def hits(force, noise=0.01, pixels=100, count=10):
     """Response functions of a hammer on one mode, its channel noisy; and the truth."""
     made = Excitation(ExcitationKind.hammer, [20.0, 400.0], 1.0, force=force).design(2048.0, 2048)
     rng = np.random.default_rng(5)
@@ -137,7 +137,7 @@ def test_a_force_window_keeps_the_pulse_and_leaves_the_noise_behind_it_out():
     scatter = [found.response[:, peak].std() / abs(true[peak]) for found in (without, held)]
     # White noise in a window of 0.02 s and half of .02 s before the pulse, of a record of 1 s.
     assert scatter[1] < 0.3 * scatter[0]
-    assert bias[1] < 0.2 * bias[0] + 4 * scatter[1] / np.sqrt(200)
+    assert bias[1] < 0.2 * bias[0] + 4 * scatter[1] / np.sqrt(100)
 
 
 def humming(lines, size, hertz=50.0, seed=6, pixels=30, kind=ExcitationKind.multisine):

@@ -224,8 +224,18 @@ VALUES = st.recursive(
 )
 
 
+@pytest.mark.whole
 @given(VALUES)
 def test_values_arrive_as_they_are_written(value):
+    require_arrives(value)
+
+
+@pytest.mark.parametrize("value", [None, True, -3, 1.5e-7, "a, 'b'", "", [1, ["x=y"]], {"k": {}}])
+def test_values_of_each_kind_arrive_as_they_are_written(value):
+    require_arrives(value)
+
+
+def require_arrives(value):
     (read,) = OverridesParser.create().parse_overrides([f"key={as_setting(value)}"])
     assert not read.is_sweep_override()
     assert _same(read.value(), value)

@@ -169,7 +169,7 @@ HOSTILE = {
 }
 
 
-@pytest.mark.one_in(9)
+@pytest.mark.one_in(18)
 @pytest.mark.parametrize("way", HOSTILE)
 def test_file_from_a_stranger_runs_no_code(way, point, sldvexp, tmp_path):
     attributes, sentence = HOSTILE[way]

@@ -41,10 +41,10 @@ def rejected(sessions: int, first: int, views: int, std=LOOSE, noise=NOISE) -> i
     return count
 
 
-@pytest.mark.parametrize("sessions", [2, pytest.param(20, marks=pytest.mark.whole)])
-def test_clean_views_are_believed(sessions):
-    """At 1 % of 20 sessions three rejections have a probability of 0.001, of 2 two."""
-    assert rejected(sessions, 0, 5) <= binom.isf(1e-3, sessions, FAMILY)
+@pytest.mark.whole
+def test_clean_views_are_believed():
+    """At 1 % of 20 sessions three rejections have a probability of 0.001."""
+    assert rejected(20, 0, 5) <= binom.isf(1e-3, 20, FAMILY)
 
 
 @pytest.mark.long

@@ -67,12 +67,19 @@ def test_noise_that_is_larger_everywhere_is_not_named_pointing(seed):
 @pytest.mark.one_in(2)
 @pytest.mark.parametrize("seed", [1, 2])
 def test_pixels_beside_which_mirrors_came_to_rest_are_no_drop_outs(seed):
-    """Mirrors three times as bad as the noise; spoiled pixels among them are found."""
+    """Mirrors three times as bad as the noise."""
     fit = fitted(angle=3 * ANGLE, seed=seed)
     known = [3 * ANGLE] * len(fit.data)
     assert not disagree(fit, known)
     assert np.concatenate(disagreeing(fit, known)).mean() < 2e-3
     assert np.concatenate(disagreeing(fit, [0.0] * len(known))).mean() > 0.02
+
+
+@pytest.mark.whole
+@pytest.mark.parametrize("seed", [1, 2])
+def test_drop_outs_among_pixels_beside_which_mirrors_came_to_rest_are_found(seed):
+    fit = fitted(angle=3 * ANGLE, seed=seed)
+    known = [3 * ANGLE] * len(fit.data)
     rng, data, bad = np.random.default_rng(seed), [], []
     for of, design in zip(fit.data, fit.designs, strict=True):
         bad.append(rng.random(int(design.present.sum())) < 0.02)

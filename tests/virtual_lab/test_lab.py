@@ -218,6 +218,7 @@ def counted(ours):
     return blocks
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("scene", ["calibration", "plate"])
 def test_lines_that_are_announced_are_the_same_to_the_bit(lab, scene):
     """Short ones share blocks: 9 and 11 lines of 25 pixels are 2 and 3. A long one has its own."""

@@ -33,6 +33,7 @@ FOLDER = "sldvexp_compiled"
 class CompiledKernels:
     """Compiled functions of `sldvexp.field.bounds.kernels`, called with sparse matrices."""
 
+    pixels_of_triangles: Callable[..., Any]
     pixels_of_nodes: Callable[..., Any]
     influences: Callable[..., Any]
     coupled_noise: Callable[..., Any]
@@ -49,11 +50,14 @@ class CompiledKernels:
         blocks = [(e.shape[1], layers) for e in estimators]
         if used:
             corners = _short(patch.gather.indptr, patch.gather.indices)
-            seen = _short(weights.indptr, weights.indices)
-            where = (*corners, np.array([*patch.sample_shape, pixels]), *seen)
-            indptr, indices = self.pixels_of_nodes(*where)
+            sizes, seen = (
+                np.array([*patch.sample_shape, pixels]),
+                _short(weights.indptr, weights.indices),
+            )
+            near = self.pixels_of_triangles(sizes, *seen)
+            indptr, indices, place = self.pixels_of_nodes(*corners, pixels, *near)
             values = weights.data, np.ascontiguousarray(patch.shape), np.concatenate(used, axis=1)
-            data = self.influences(*where, *values, indptr, indices)
+            data = self.influences(sizes, *seen, *values, *near, place, len(indices))
         found, first = [], 0
         for e, shape, block in zip(estimators, shapes, blocks, strict=True):
             if not e.any():  # the rows leave this view out

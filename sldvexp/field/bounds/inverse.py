@@ -27,7 +27,11 @@ from sldvexp.field.bounds.sparse_inverse_rows import (
     volume_rows,
     with_blocks,
 )
-from sldvexp.field.equations.elements import influences_by_layers, with_layers_apart
+from sldvexp.field.equations.elements import (
+    influences_by_layers,
+    numbers_at,
+    with_layers_apart,
+)
 from sldvexp.field.equations.regions import RegionIterator, RegionSamples
 from sldvexp.field.equations.sample_model import AXES
 from sldvexp.field.equations.system import NormalEquations
@@ -412,7 +416,13 @@ def _parts(count: int) -> Iterator[IndexArray]:
 
 
 def _of_both(k: scipy.sparse.bsr_array, r: scipy.sparse.bsr_array, weight: Array) -> Array:
-    """Sum ``w_j k_ij r_ij`` over rows and columns, in the shape of a block."""
-    both = k.multiply(r)
-    total: Array = np.tensordot(weight[both.indices], both.data, axes=1)
+    """Sum ``w_j k_ij r_ij`` over rows and columns, in the shape of a block.
+
+    Where r has a block k has one as well, as a node's row of the inverse has the node itself.
+    """
+    size = len(k.indptr) - 1, len(weight)
+    order = scipy.sparse.csr_array((np.arange(len(k.indices)), k.indices, k.indptr), shape=size)
+    row = np.repeat(np.arange(size[0]), np.diff(r.indptr))
+    same = k.data[numbers_at(order, row, r.indices)]
+    total: Array = np.einsum("b,bij,bij->ij", weight[r.indices], same, r.data)
     return total

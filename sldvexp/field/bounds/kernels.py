@@ -1,8 +1,9 @@
 """Loops over nodes, samples and pixels that bounds of a large field spend their time in.
 
 They are what `sldvexp.field.bounds.inverse` and `sldvexp.field.equations.elements` compute with
-sparse matrices, node by node and without these: a node's pixels are numbered anew, so that all that
-is summed over them stays in the cache. As Python they would take hours; `compiled` compiles them.
+sparse matrices, node by node or triangle by triangle and without these: the pixels of each are
+numbered anew, so that all that is summed over them stays in the cache. As Python they would take
+hours; `compiled` compiles them.
 Numbers are the same but for the order of sums.
 """
 
@@ -14,19 +15,13 @@ from numpy.typing import NDArray
 from sldvexp.typing import Array, IndexArray
 
 
-def pixels_of_nodes(
-    corner_start: IndexArray,
-    corner: IndexArray,
-    sizes: IndexArray,
-    start: IndexArray,
-    pixel: IndexArray,
+def pixels_of_triangles(
+    sizes: IndexArray, start: IndexArray, pixel: IndexArray
 ) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    """List the pixels that bear on each node, ascending.
+    """List the pixels that samples over each triangle are interpolated from, in any order.
 
     Parameters
     ----------
-    corner_start, corner : ndarray of int
-        Corners of triangles, ``3 triangle + corner``, that are at each node, as of a CSR matrix.
     sizes : ndarray of int, shape (4,)
         Gaps, triangles, points of a prism, pixels.
     start, pixel : ndarray of int
@@ -35,47 +30,90 @@ def pixels_of_nodes(
     Returns
     -------
     indptr, indices : ndarray of int
-        As of a CSR matrix, shape (node, pixel).
+        As of a CSR matrix, shape (triangle, pixel).
     """
     gaps, triangles, points, pixels = sizes
-    nodes = len(corner_start) - 1
     seen = np.full(pixels, -1, np.int32)
-    indptr = np.zeros(nodes + 1, np.int32)
-    found = np.empty(16 * nodes + 16, np.int32)
+    indptr = np.zeros(triangles + 1, np.int32)
+    found = np.empty(16 * triangles + 16, np.int32)
+    count = 0
+    for triangle in range(triangles):
+        for gap in range(gaps):
+            sample = (gap * triangles + triangle) * points
+            for entry in range(start[sample], start[sample + points]):
+                if seen[pixel[entry]] != triangle:
+                    seen[pixel[entry]] = triangle
+                    if count == len(found):
+                        longer = np.empty(2 * count, np.int32)
+                        longer[:count] = found
+                        found = longer
+                    found[count] = pixel[entry]
+                    count += 1
+        indptr[triangle + 1] = count
+    return indptr, found[:count].copy()
+
+
+def pixels_of_nodes(
+    corner_start: IndexArray, corner: IndexArray, pixels: int, start: IndexArray, pixel: IndexArray
+) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32]]:
+    """List the pixels that bear on each node, ascending.
+
+    Parameters
+    ----------
+    corner_start, corner : ndarray of int
+        Corners of triangles, ``3 triangle + corner``, that are at each node, as of a CSR matrix.
+    pixels : int
+        How many there are.
+    start, pixel : ndarray of int
+        See `pixels_of_triangles`.
+
+    Returns
+    -------
+    indptr, indices : ndarray of int
+        As of a CSR matrix, shape (node, pixel).
+    place : ndarray of int, shape (pixel of a triangle, corner)
+        Where those of triangles are among these.
+    """
+    nodes = len(corner_start) - 1
+    entry_of, seen = np.empty(pixels, np.int32), np.full(pixels, -1, np.int32)
+    indptr, place = np.zeros(nodes + 1, np.int32), np.empty((len(pixel), 3), np.int32)
+    found = np.empty(3 * len(pixel), np.int32)
     count = 0
     for node in range(nodes):
         first = count
         for at in range(corner_start[node], corner_start[node + 1]):
             triangle = corner[at] // 3
-            for gap in range(gaps):
-                sample = (gap * triangles + triangle) * points
-                for entry in range(start[sample], start[sample + points]):
-                    if seen[pixel[entry]] != node:
-                        seen[pixel[entry]] = node
-                        if count == len(found):
-                            longer = np.empty(2 * count, np.int32)
-                            longer[:count] = found
-                            found = longer
-                        found[count] = pixel[entry]
-                        count += 1
+            for here in range(start[triangle], start[triangle + 1]):
+                if seen[pixel[here]] != node:
+                    seen[pixel[here]] = node
+                    found[count] = pixel[here]
+                    count += 1
         found[first:count].sort()
         indptr[node + 1] = count
-    return indptr, found[:count].copy()
+        for entry in range(first, count):
+            entry_of[found[entry]] = entry
+        for at in range(corner_start[node], corner_start[node + 1]):
+            triangle, c = corner[at] // 3, corner[at] % 3
+            for here in range(start[triangle], start[triangle + 1]):
+                place[here, c] = entry_of[pixel[here]]
+    return indptr, found[:count].copy(), place
 
 
 def influences(
-    corner_start: IndexArray,
-    corner: IndexArray,
     sizes: IndexArray,
     start: IndexArray,
     pixel: IndexArray,
     weight: Array,
     shape: Array,
     estimator: Array,
-    indptr: IndexArray,
-    indices: IndexArray,
+    near_start: IndexArray,
+    near: IndexArray,
+    place: IndexArray,
+    entries: int,
 ) -> Array:
     """Compute ``R = sum_s B_s^T (x) T_s W_s``, shape (entry, parameter, layer).
+
+    Triangle by triangle, with all that its three corners get in one row.
 
     Parameters
     ----------
@@ -85,38 +123,46 @@ def influences(
         Basis functions of a prism at its samples.
     estimator : ndarray, shape (sample, parameter)
         Of the view, T_s.
-    indptr, indices : ndarray of int
-        See `pixels_of_nodes`, as the parameters before.
+    near_start, near, place : ndarray of int
+        See `pixels_of_triangles`, as the parameters before, and `pixels_of_nodes`.
+    entries : int
+        Pixels of all nodes.
     """
     gaps, triangles, points, pixels = sizes
-    parameters = estimator.shape[1]
-    found = np.zeros((len(indices), parameters, gaps + 1))
-    place = np.empty(pixels, np.int32)
-    longest = 0
-    for node in range(len(indptr) - 1):
-        longest = max(longest, indptr[node + 1] - indptr[node])
-    sums = np.empty((longest, gaps + 1, parameters))
-    for node in range(len(indptr) - 1):
-        first, last = indptr[node], indptr[node + 1]
-        for entry in range(first, last):
-            place[indices[entry]] = entry - first
+    parameters, most = estimator.shape[1], 0
+    for triangle in range(triangles):
+        most = max(most, near_start[triangle + 1] - near_start[triangle])
+    layers, corners = gaps + 1, 3 * parameters
+    number = np.empty(pixels, np.int32)
+    sums, both = np.empty((most, layers * corners)), np.empty(2 * corners)
+    beside = np.zeros((entries, layers, parameters))
+    for triangle in range(triangles):
+        first, last = near_start[triangle], near_start[triangle + 1]
+        for at in range(first, last):
+            number[near[at]] = at - first
         sums[: last - first] = 0.0
-        for at in range(corner_start[node], corner_start[node + 1]):
-            triangle, c = corner[at] // 3, corner[at] % 3
-            for gap in range(gaps):
-                for point in range(points):
-                    sample = (gap * triangles + triangle) * points + point
-                    lower, upper = shape[point, c], shape[point, 3 + c]
-                    for entry in range(start[sample], start[sample + 1]):
-                        here = sums[place[pixel[entry]]]
-                        low, up = lower * weight[entry], upper * weight[entry]
-                        for p in range(parameters):
-                            here[gap, p] += low * estimator[sample, p]
-                            here[gap + 1, p] += up * estimator[sample, p]
-        for entry in range(first, last):
-            for layer in range(gaps + 1):
-                for p in range(parameters):
-                    found[entry, p, layer] = sums[entry - first, layer, p]
+        for gap in range(gaps):
+            of_gap = sums[:, gap * corners :]
+            for point in range(points):
+                sample = (gap * triangles + triangle) * points + point
+                for c in range(6):
+                    for p in range(parameters):
+                        both[c * parameters + p] = shape[point, c] * estimator[sample, p]
+                for entry in range(start[sample], start[sample + 1]):
+                    here, w = number[pixel[entry]], weight[entry]
+                    for x in range(2 * corners):
+                        of_gap[here, x] += w * both[x]
+        for at in range(first, last):
+            of_pixel = sums[at - first].reshape((layers, 3, parameters))
+            for c in range(3):
+                for layer in range(layers):
+                    for p in range(parameters):
+                        beside[place[at, c], layer, p] += of_pixel[layer, c, p]
+    found = np.empty((entries, parameters, layers))
+    for entry in range(entries):
+        for p in range(parameters):
+            for layer in range(layers):
+                found[entry, p, layer] = beside[entry, layer, p]
     return found
 
 

@@ -301,16 +301,15 @@ def _pixels_of_nodes(
     ends = np.arange(0, samples.size + 1, gaps * points)
     of_triangles = _ones(samples.swapaxes(0, 1).ravel(), ends, weights.shape[0])
     known = _ones(weights.indices, weights.indptr, weights.shape[1])
-    near = _numbered(of_triangles @ known)
-    triangle = np.tile(np.repeat(np.arange(triangles, dtype=np.int32), points), gaps)
+    near = numbered(of_triangles @ known)
+    triangle = np.tile(np.repeat(np.arange(triangles), points), gaps)
     row = np.repeat(triangle, np.diff(weights.indptr))
-    seen = near[row, weights.indices.copy()]  # scipy wants to write into what it is given
+    seen = numbers_at(near, row, weights.indices)
     at_corners = _ones(patch.corner.ravel(), 3 * np.arange(triangles + 1), len(patch.nodes))
-    of_nodes = _numbered(at_corners.T.tocsr() @ _ones(near.indices, near.indptr, near.shape[1]))
+    of_nodes = numbered(at_corners.T.tocsr() @ _ones(near.indices, near.indptr, near.shape[1]))
     node = np.repeat(patch.corner, np.diff(near.indptr), axis=0)
-    place = of_nodes[node.ravel(), np.repeat(near.indices, 3)]
-    shape = len(near.indices), 3
-    return np.asarray(seen).ravel(), np.asarray(place).reshape(shape), of_nodes
+    place = numbers_at(of_nodes, node.ravel(), np.repeat(near.indices, 3))
+    return seen, place.reshape(-1, 3), of_nodes
 
 
 def _ones(indices: IndexArray, indptr: IndexArray, columns: int) -> scipy.sparse.csr_array:
@@ -319,11 +318,19 @@ def _ones(indices: IndexArray, indptr: IndexArray, columns: int) -> scipy.sparse
     return scipy.sparse.csr_array(entries, shape=(len(indptr) - 1, columns))
 
 
-def _numbered(matrix: scipy.sparse.csr_array) -> scipy.sparse.csr_array:
-    """Number the places of a matrix, row by row and sorted."""
+def numbered(matrix: scipy.sparse.csr_array) -> scipy.sparse.csr_array:
+    """Give the places of a matrix numbers, row by row and sorted."""
     matrix.sort_indices()
     entries = np.arange(len(matrix.indices)), matrix.indices, matrix.indptr
     return scipy.sparse.csr_array(entries, shape=matrix.shape)
+
+
+def numbers_at(matrix: scipy.sparse.csr_array, row: IndexArray, column: IndexArray) -> IndexArray:
+    """Look up the numbers of a matrix of `numbered` at some places, which it has."""
+    if not len(row):  # of which scipy makes a matrix
+        return np.zeros(0, np.intp)
+    found = matrix[row, column.copy()]  # scipy wants to write into what it is given
+    return np.asarray(found, np.intp).ravel()
 
 
 def with_layers_apart(beside: scipy.sparse.bsr_array) -> scipy.sparse.bsr_array:
