@@ -19,7 +19,7 @@ SIDES = (24, 48, 96, 192, 384) if FULL_SIZE else (5,)
 #: Of four times the nodes; measured up to a million 3.0, 4.1, 3.9 and 4.0. From the second on a
 #: field goes part by part, where samples between parts count twice.
 GROWTH = 4.4
-#: MB of a million nodes, as asked; measured 1517, of 258 thousand 884, of 65 thousand 653.
+#: MB of a million nodes, as asked; measured of 258 thousand 756, of 65 thousand 571.
 MEGABYTES = 2000.0
 FIELD = """
 import sys, time
