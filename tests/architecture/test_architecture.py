@@ -52,6 +52,7 @@ def test_what_may_be_imported_inside_functions_comes_with_an_extra():
         assert not any(requirement.startswith(package) for requirement in project["dependencies"])
 
 
+@pytest.mark.whole
 def test_no_modules_import_each_other_in_a_circle(modules):
     assert circles(modules) == []
 

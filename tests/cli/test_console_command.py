@@ -93,6 +93,7 @@ def served(monkeypatch):
     return made
 
 
+@pytest.mark.whole
 def test_settings_beside_a_run_that_goes_on_hold_for_aiming_and_for_going_on(cut_off, served):
     assert console.run([f"resume={cut_off}", "seed=7", "scan.structure.pixels=[4,5]"], None) == 0
     (one,) = served
@@ -123,6 +124,7 @@ def test_a_setting_that_kept_lines_do_not_go_with_is_refused_at_once(cut_off, se
     assert len(served) == 1
 
 
+@pytest.mark.whole
 def test_what_is_aimed_beside_a_run_that_goes_on_is_an_experiment_made_of_its_own(cut_off, served):
     assert console.run([f"resume={cut_off}"], None) == 0
     (one,) = served

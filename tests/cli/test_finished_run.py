@@ -99,6 +99,7 @@ def test_a_refused_command_changes_nothing(sldvexp, finished, tmp_path, name):
     assert set(tmp_path.iterdir()) == around
 
 
+@pytest.mark.whole
 def test_another_run_at_work_changes_nothing(sldvexp, finished):
     before = contents(finished)
     with locked(finished / ".lock"):

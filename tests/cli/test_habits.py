@@ -95,7 +95,7 @@ def test_a_recording_is_played_in_the_place_of_the_instrument_that_a_file_sets(s
     assert "instrument.timout is not a known setting; did you mean timeout?" in wrong.err
 
 
-@pytest.mark.one_in(3)
+@pytest.mark.whole
 @pytest.mark.parametrize("name", ["1", "'1'", '"1"'])
 def test_view_has_the_same_name_with_quotes_and_without(sldvexp, lab, name):
     lab(x=SCAN.replace("NAME", name))

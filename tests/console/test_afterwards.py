@@ -65,6 +65,7 @@ def test_pose_of_every_view_is_told_with_bounds_and_verdict(scanned):
         assert with_bound(value, bound) in last["2"][0]
 
 
+@pytest.mark.whole
 def test_pose_that_further_views_have_made_surer_says_why(scanned):
     """Of an object without errors of its own each view tells of itself alone."""
     made, groups = scanned
@@ -107,6 +108,7 @@ def test_pose_does_not_wait_for_the_advice_after_the_view_before(scanned):
     assert all(in_time)
 
 
+@pytest.mark.whole
 def test_advice_is_on_all_views_that_have_come_by_then(scanned):
     """What comes while one is computed is advised on once."""
     made, groups = scanned

@@ -27,6 +27,7 @@ def test_a_board_is_drawn_from_its_front(lab_experiment):
     assert all(len(mark["rim"]) >= 12 for mark in marks)
 
 
+@pytest.mark.whole
 def test_circles_of_two_faces_stand_apart_in_their_order(tmp_path):
     at, marks, told = drawn(box_experiment(tmp_path))
     assert told == "obliquely"

@@ -142,6 +142,7 @@ def test_the_end_waits_for_advice_that_is_computed(lab_experiment, tmp_path):
     assert ended == [True]
 
 
+@pytest.mark.whole
 def test_marks_that_contradict_one_another_are_told_once_before_the_scan(lab_experiment, tmp_path):
     runs = []
 

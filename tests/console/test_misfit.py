@@ -85,6 +85,7 @@ def misfits(outlook, marks):
     return aiming, misfits_of(aiming, aiming.taken, outlook._aiming)
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize(
     ("count", "every"), [(6, 3), *(pytest.param(n, 1, marks=pytest.mark.whole) for n in (4, 6))]
 )
@@ -103,7 +104,7 @@ def test_bound_of_marks_that_meet_exactly_is_where_they_would_be_called_off(coun
             assert misfits(outlook, {**marks, name: moved})[1][name].beside == beside
 
 
-@pytest.mark.one_in(3)
+@pytest.mark.whole
 @pytest.mark.parametrize("way", [(0.6, -0.8), (1.0, 0.0), (0.0, 1.0)])
 def test_bound_is_that_of_the_way_in_which_a_mark_lies_off(way):
     """Before it adds a cost of its own it is told by the pose of the others: up to 7 % beside."""
@@ -133,6 +134,7 @@ def test_bound_of_a_mark_within_the_error_of_pointing_is_the_same_whichever_way_
     assert usual == pytest.approx(len(ways) * usual[:1], rel=0.01)
 
 
+@pytest.mark.whole
 def test_mark_is_compared_with_the_pose_of_all_marks_and_not_with_the_likeliest_of_the_rest(
     tmp_path,
 ):

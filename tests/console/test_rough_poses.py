@@ -291,6 +291,7 @@ def test_search_each_circle_and_the_image_are_pictures_that_hold_all_their_lines
     assert shares == sorted(shares)
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("times", [1, pytest.param(20, marks=pytest.mark.whole)])
 def test_clicks_as_good_as_a_pixel_of_the_page_do_not_contradict_one_another(times):
     """On a board of fine steps a click at a circle is hundreds of them beside its middle."""

@@ -141,6 +141,7 @@ def seen_by(true, area, low, high, rng):
     return SpotsSeen([LookedAt(low, high, spots)])
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("times", [1, pytest.param(25, marks=pytest.mark.whole)])
 def test_hardly_a_circle_is_taken_for_another_whatever_the_rough_pose(box, lab, times):
     """Of near looks, which have one spot to three, some ask; wider ones hardly do."""

@@ -41,6 +41,7 @@ def marks() -> AimedMarks:
     return made
 
 
+@pytest.mark.whole
 def test_aimed_experiment_is_the_other_one_with_the_places_that_were_marked(folder, marks):
     base = ["experiment=bench", "scan.structure.pixels=[9,11]", "seed=3"]
     scan = marks.settings(composed(base, str(folder)))

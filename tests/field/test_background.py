@@ -67,6 +67,7 @@ def largest_error(seed):
 SEEDS = [pytest.param([2], id="one"), pytest.param([1, 2, 3], marks=pytest.mark.whole, id="three")]
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("seeds", SEEDS)
 def test_bounds_hold_beside_a_background_at_rest(seeds):
     assert np.median([largest_error(seed) for seed in seeds]) < 3.0

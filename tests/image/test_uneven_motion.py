@@ -116,7 +116,7 @@ def oblique(width: float, growth: float, noise: float, seed: int) -> tuple[ScanL
     return ScanLines(noisy, std, position, np.zeros(motion.shape, bool)), numbers
 
 
-@pytest.mark.one_in(3)
+@pytest.mark.whole
 @pytest.mark.parametrize("width", [0.36, 0.1, 0.3])
 def test_a_wide_spot_does_not_hide_the_growth(width: float) -> None:
     """As the profile of a straight edge has it, a part of the growth is taken for width and place.

@@ -209,6 +209,7 @@ def own_folder(tmp_path):
     return tmp_path / "lab"
 
 
+@pytest.mark.whole
 def test_the_command_serves_what_a_folder_of_ones_own_has_and_says_when_it_ends(served, own_folder):
     process, resource = served("--config-dir", str(own_folder), "experiment=mine", "scene.noise=0")
     made = console.experiment(["experiment=mine"], str(own_folder))

@@ -41,7 +41,7 @@ def examined(measured, model, seed, pose_std=None):
     return [examine_shape(stacked, k, k) for k in range(model.modes)]
 
 
-@pytest.mark.one_in(6)
+@pytest.mark.whole
 @pytest.mark.parametrize("rotations", [True, False])
 @pytest.mark.parametrize("triangles", [True, False])
 def test_pixels_see_the_closed_form_with_an_error_of_fourth_order(measured, rotations, triangles):

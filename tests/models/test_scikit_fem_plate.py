@@ -35,6 +35,7 @@ def plate(**settings):
     return PlateModel(**settings)
 
 
+@pytest.mark.whole
 def test_error_of_its_frequencies_is_that_of_a_mesh_half_as_fine():
     source = plate(modes=5)
     model, exact = source.model(), closed_form().frequency

@@ -99,6 +99,7 @@ def test_mac_of_a_right_model_is_within_its_own_spread(measured, sessions):
     assert abs(np.mean(off)) < 4 / np.sqrt(len(off))
 
 
+@pytest.mark.whole
 def test_two_thousandths_of_mass_reject_the_shapes_and_stop_the_expansion():
     found = examined(Measured(true_plate(MASS)), source())
     assert found.shapes_rejected
@@ -170,6 +171,7 @@ def test_adjusted_modulus_is_within_its_bound():
     assert inside >= 44
 
 
+@pytest.mark.whole
 def test_what_the_frequencies_do_not_determine_is_not_adjusted(measured):
     with pytest.raises(UserError, match="E and thickness change the frequencies"):
         examined(measured, source(adjust={"E": 0.0, "thickness": 0.0}))
@@ -219,6 +221,7 @@ def test_model_that_lacks_a_measured_mode_says_so_and_is_kept_in_a_file(measured
     assert len(model_shapes(run).axes) >= 8
 
 
+@pytest.mark.whole
 def test_criteria_by_place_and_line_are_near_what_noise_leaves(measured):
     found = examined(measured, source(closed_form((24, 20))), pose_std=None)
     line = np.arange(150.0, 900.0, 10.0)

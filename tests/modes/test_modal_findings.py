@@ -76,6 +76,7 @@ def test_bounds_hold_with_harmonics_and_would_not_without_their_weights(seeds):
     assert np.std(plain) > 1 + chance
 
 
+@pytest.mark.whole
 def test_harmonics_do_not_hide_a_missed_mode():
     whole, _ = session(2, 0.01, frequency=np.array([300.0, 700.0]), damping=0.01)
     spoilt = with_harmonics(whole, 0.005)
@@ -109,6 +110,7 @@ def test_harmonics_so_strong_that_the_structure_may_not_be_linear_are_doubtful()
     assert "compare with a weaker one" in told.text
 
 
+@pytest.mark.whole
 def test_a_misfit_that_wider_bounds_do_not_repair_is_doubtful():
     clean, _ = session(3, 0.002)
     values = clean["velocity"].values
@@ -151,6 +153,7 @@ def test_noise_that_goes_with_pixel_and_line_leaves_a_misfit_of_one_and_honest_b
     assert ratio.mean() == pytest.approx(1.0, abs=5 / np.sqrt(ratio.size))
 
 
+@pytest.mark.whole
 def test_resonances_narrower_than_lines_are_apart_are_said():
     found = identified(session(6, 0.02, damping=np.array([0.002, 0.01, 0.01, 0.01, 0.01]))[0])
     assert "197" in kinds(found)["coarse_lines"].text

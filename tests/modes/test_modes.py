@@ -64,6 +64,7 @@ def test_lines_that_are_not_evenly_spaced_and_come_in_any_order_serve_as_well():
     assert np.abs(error).max() < 4
 
 
+@pytest.mark.whole
 def test_damping_from_a_thousandth_to_a_tenth_is_found():
     damping = np.array([0.001, 0.003, 0.01, 0.03, 0.09])
     frequency = np.array([150.0, 300.0, 500.0, 750.0, 1100.0])
@@ -102,6 +103,7 @@ def test_none_is_missed_and_none_is_false_in_noise(noise):
         assert frequency == pytest.approx(FREQUENCY, rel=2e-3), seed
 
 
+@pytest.mark.whole
 def test_modes_of_little_motion_are_found():
     for seed in range(2):
         rng = np.random.default_rng(seed)

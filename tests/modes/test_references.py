@@ -76,6 +76,7 @@ def test_bounds_of_several_references_hold_the_truth(gap):
         assert abs(np.mean(np.abs(values) < 1.96) - 0.95) < 3 * np.sqrt(0.95 * 0.05 / len(values))
 
 
+@pytest.mark.whole
 def test_a_second_reference_of_the_same_motion_narrows_bounds_by_the_root_of_two():
     """Of the same motion and independent noise; the same numbers once more are refused."""
     frequency = SQUARE[[0, 1, 2, 4]]

@@ -130,7 +130,7 @@ def require_true(errors, limit=0.2):
     assert max(map(abs, late)) <= limit, late
 
 
-@pytest.mark.one_in(2)
+@pytest.mark.whole
 @pytest.mark.parametrize("hitch", [0, 4])
 def test_time_left_is_true_after_a_quarter_of_the_work(tmp_path, hitch):
     """The three views are opened one after the other, which is in it too."""

@@ -35,6 +35,7 @@ def place(incidence=60.0, forward=100.0, faces=("front", "top")):
     return Place.from_experiment(experiment)
 
 
+@pytest.mark.whole
 def test_circles_on_two_faces_limit_the_stands_and_those_on_one_do_not():
     told = around(place(), np.random.default_rng(0))
     assert "circles of the calibration object limit the stands" in told

@@ -14,6 +14,7 @@ def plan():
     return plan_of(*SMALL, "plan.criterion=mean", "plan.stands=3", PILLAR)
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("width", [0.18, 0.085], ids=["page", "column"])
 def test_panels_fill_the_sheet_and_lie_beside_one_another(plan, width):
     made = planner.figure.draw(plan, width=width)

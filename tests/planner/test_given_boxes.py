@@ -36,6 +36,7 @@ def test_stands_that_were_planned_have_the_same_bounds_when_they_are_given():
     assert "scan.structure.views.1 gives corners in DAC steps that hold " in told[0]
 
 
+@pytest.mark.whole
 def test_corners_of_the_stand_itself_count():
     e = experiment("experiment=plate", *SMALL)
     given = planner.check_stands(e)

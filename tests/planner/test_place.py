@@ -222,7 +222,7 @@ def test_candidates_are_within_all_limits():
     assert found.seen.all()
 
 
-@pytest.mark.one_in(4)
+@pytest.mark.whole
 @pytest.mark.parametrize(
     ("setting", "word"),
     [

@@ -212,7 +212,7 @@ def rightwards(axes, steps):
     return places - places[0]
 
 
-@pytest.mark.one_in(3)
+@pytest.mark.whole
 @pytest.mark.parametrize("name", AS_SEEN)
 def test_views_are_as_one_sees_them_at_the_instrument(figures, name):
     panels = [a for a in figures[name].axes if a.get_aspect() != "auto" and a.name != "3d"]
@@ -356,6 +356,7 @@ def test_bitangent_points_are_those_of_the_registration(figures, tree):
             assert nearest < 2.5  # steps; the curve has a point every 2 deg
 
 
+@pytest.mark.whole
 def test_distances_of_all_edges_stand_beside_their_circle(figures, tree):
     for axes, view in zip(figures["conic_residuals"].axes, "123", strict=True):
         edges = edges_of(tree[f"edge/{view}"].to_dataset())

@@ -78,7 +78,7 @@ def test_many_frequencies_are_a_spectrum():
     assert left[-1].get_xlabel() == "frequency, Hz"
 
 
-@pytest.mark.one_in(2)
+@pytest.mark.whole
 @pytest.mark.parametrize("value", [np.nan, 0.0])
 def test_a_spectrum_in_which_nothing_is_determined_is_drawn_too(value):
     own = groups.point(1, 40)
@@ -267,6 +267,7 @@ def test_units_get_a_handy_prefix(values, expected):
     assert prefixed(values, "m/s") == (pytest.approx(expected[0]), expected[1])
 
 
+@pytest.mark.whole
 def test_files_are_the_same_each_time(tmp_path):
     tree = {"point": groups.point(1, 1)}
     first = sldvexp.plot.save(sldvexp.plot.point(tree), tmp_path / "one" / "point")

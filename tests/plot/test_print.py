@@ -115,7 +115,7 @@ def strain():
     return made_strain(grid.group())
 
 
-@pytest.mark.one_in(23)
+@pytest.mark.whole
 @pytest.mark.parametrize("width", [COLUMN, PAGE])
 @pytest.mark.parametrize("name", [*OF_SESSION, *OF_GROUPS])
 def test_letters_are_large_enough_inside_and_apart(tree, name, width):
@@ -205,6 +205,7 @@ def test_a_style_of_ones_own_stands_over_ours(tmp_path):
         sldvexp.plot.point(tree, width=0.001)
 
 
+@pytest.mark.whole
 def test_the_command_takes_width_format_resolution_and_style(sldvexp, tmp_path):
     dataset.save({"point": groups.point(1)}, {}, tmp_path / "run.nc")
     words = ["--width", "85mm", "--format=pdf,png", "--dpi", "100"]

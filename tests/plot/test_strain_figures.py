@@ -26,7 +26,7 @@ def made(request):
     return group(request.param)
 
 
-@pytest.mark.one_in(4)
+@pytest.mark.whole
 @pytest.mark.parametrize("draw", [hot_spots, strain])
 def test_labels_are_inside_and_apart(made, draw):
     figure = draw({"strain": made})

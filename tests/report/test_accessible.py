@@ -115,6 +115,7 @@ def test_verdict_and_shape_are_on_the_first_screen_and_nothing_is_wider(browser,
     assert browser.said() == []
 
 
+@pytest.mark.whole
 def test_pictures_and_tables_are_whole_on_a_low_screen_too(
     browser, pages, write_run, small_points, tmp_path
 ):

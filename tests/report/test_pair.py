@@ -119,6 +119,7 @@ def test_points_are_compared_too(tmp_path, small_points):
     assert [table.rows[i][i + 1] for i in (0, 1)] == ["1", "1"]
 
 
+@pytest.mark.whole
 def test_of_two_runs_with_modes_these_are_compared(
     tmp_path, write_run, small_volume, small_field, no_figures
 ):

@@ -165,6 +165,7 @@ def recorded(composed, tmp_path_factory):
     return e, folder, scan_views(e, folder / JOURNAL)
 
 
+@pytest.mark.whole
 def test_a_recording_is_processed_by_another_estimator_where_its_lines_are(recorded, tmp_path):
     e, folder, found = recorded
     signal = replace(e.signal, **OTHER)

@@ -153,6 +153,7 @@ def test_what_sums_cannot_be_freed_of_is_named(composed, tmp_path, setting, resu
     assert str(tmp_path / "run") in str(error.value)
 
 
+@pytest.mark.whole
 def test_a_session_goes_on_with_another_factor_of_the_velocity(composed, tmp_path):
     """Lines that were kept and lines that are measured then are in one unit."""
     scanned(composed, tmp_path / "cut", AVERAGES)

@@ -68,6 +68,7 @@ def require_same(one, two):
         assert group.identical(two[name]), name
 
 
+@pytest.mark.whole
 def test_it_is_told_of_all_that_comes_and_changes_nothing(composed, tmp_path):
     experiment = composed(*PLATE)
     alone = scan_views(experiment, tmp_path / "alone")

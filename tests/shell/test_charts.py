@@ -175,7 +175,7 @@ def test_strain_is_that_of_differences_in_space(chart, height):
     assert got == pytest.approx(wanted, abs=1e-5 * np.abs(wanted).max())
 
 
-@pytest.mark.one_in(10)
+@pytest.mark.whole
 @every_chart
 def test_normals_stay_normal(chart):
     """A point's displacement changes along the normal as the moved normal turns: no shear."""

@@ -120,6 +120,7 @@ def test_forms_are_functionals_as_their_rows_are(made):
     assert [each.shape for each in none] == [(4500, 0), (4500, 0)]
 
 
+@pytest.mark.whole
 def test_pixels_and_places_in_many_parts_give_the_same(monkeypatch):
     """Products, equations of errors, pointing, what no column of several lines holds, nodes."""
     frequency, laser = (190.0, 200.0, 210.0), replace(lab.LASER, pointing_std=0.02)

@@ -63,6 +63,7 @@ def _rows(found):
     return found.fit.shell.velocity(place, height)
 
 
+@pytest.mark.whole
 def test_bounds_hold_an_error_of_the_gain():
     """One standard deviation and a half; undeclared it is more wrong than its bounds say.
 

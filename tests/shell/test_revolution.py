@@ -114,6 +114,7 @@ def test_strains_of_the_middle_are_those_of_the_textbook(profile):
         assert rows @ theta == pytest.approx(strain, abs=1e-9 * np.abs(strain).max())
 
 
+@pytest.mark.whole
 def test_an_oval_cone_keeps_the_length_of_its_circles():
     """And of its lines: w = r cos 2 phi and u = -r sin 2 phi / 2 to first order of the slope."""
     chart = RevolutionChart(np.zeros(3), np.eye(3), Meridian(CONE))

@@ -261,6 +261,7 @@ def test_a_thickness_known_to_two_percent_leaves_moments_unknown_to_six():
         assert std / abs(value) == pytest.approx(share, rel=0.05)
 
 
+@pytest.mark.whole
 def test_a_wrong_thickness_makes_strains_of_bending_wrong_by_its_ratio_and_is_told_as_taken():
     """The relation that the handbook states, and the name of what is in no bound."""
     method = lab.method(poses=PoseTreatment.propagate)

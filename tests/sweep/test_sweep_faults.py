@@ -62,7 +62,7 @@ def sentences(done):
     return lines
 
 
-@pytest.mark.one_in(3)
+@pytest.mark.whole
 @pytest.mark.parametrize("left", [0, 4096, 20000], ids="{} bytes left".format)
 def test_sweep_that_begins_on_a_full_disk(sldvexp, disk, left):
     space = disk.folder.parent / "space"

@@ -151,6 +151,7 @@ def test_hole_is_found_as_a_patch_at_rest():
     assert not np.delete(marked, hole).any()
 
 
+@pytest.mark.whole
 def test_field_of_all_views_finds_them_too_but_at_the_rim():
     """At the rim a pixel may carry a spline of its own; neighbours have judged it before."""
     rng = np.random.default_rng(2)
@@ -193,6 +194,7 @@ def test_group_of_pixels_that_one_view_has_spoiled_does_not_hide_itself():
     assert sum(m.sum() for m in marked) - marked[1][bad].sum() <= 2
 
 
+@pytest.mark.whole
 def test_motion_that_the_smooth_field_does_not_follow_spoils_no_pixels():
     """All views see it: ripples around one place, twenty times the noise."""
     _, _, fit = clean()

@@ -58,13 +58,13 @@ def test_pointing_noise_is_found_with_its_size(seed):
     assert found == pytest.approx(ANGLE / step(), rel=0.1)
 
 
-@pytest.mark.one_in(2)
+@pytest.mark.whole
 @pytest.mark.parametrize("seed", [1, 2])
 def test_noise_that_is_larger_everywhere_is_not_named_pointing(seed):
     assert pointing_noise(fitted(white=2.0, seed=seed), LASER) is None
 
 
-@pytest.mark.one_in(2)
+@pytest.mark.whole
 @pytest.mark.parametrize("seed", [1, 2])
 def test_pixels_beside_which_mirrors_came_to_rest_are_no_drop_outs(seed):
     """Mirrors three times as bad as the noise."""

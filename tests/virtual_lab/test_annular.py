@@ -99,7 +99,7 @@ def plate(**settings):
     return VibratingPlate.built(AnnularPlate(**settings))
 
 
-@pytest.mark.one_in(2)
+@pytest.mark.whole
 @pytest.mark.parametrize("thickness", [0.003, 0.02])
 def test_strain_is_the_gradient_of_the_displacement(thickness):
     ours, f, step = plate(thickness=thickness), 800.0, 1e-5

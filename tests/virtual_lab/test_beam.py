@@ -86,6 +86,7 @@ def integrated(depth, outward, normal, curvature, direction, radius):
     return weight @ chord / weight.sum()
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("radius", [3e-4, 8e-3], ids=["usual", "as wide as the circle"])
 @pytest.mark.parametrize("tilt", [0.0, 0.6, 1.2])
 @pytest.mark.parametrize("turn", [0.0, 0.8, 2.5])
