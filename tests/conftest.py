@@ -104,8 +104,8 @@ PAGES = {name: getattr(Html, name) for name in ("of_run", "of_run_at_hand", "of_
 
 
 def pytest_xdist_auto_num_workers() -> int:
-    """One more than processors: tests wait for sockets and for other processes now and then."""
-    return (os.cpu_count() or 1) + 1
+    """Two more than processors: tests wait for sockets and for other processes now and then."""
+    return (os.cpu_count() or 1) + 2
 
 
 @pytest.hookimpl(wrapper=True)

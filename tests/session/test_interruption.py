@@ -26,7 +26,7 @@ from sldvexp.stopping import (
 @pytest.fixture(autouse=True)
 def usual():
     """Python's own way with Ctrl-C, also where the tests run in the background or by nohup."""
-    ways = {signal.SIGINT: signal.default_int_handler, signal.SIGHUP: signal.SIG_DFL}
+    ways = dict.fromkeys(SIGNALS, signal.SIG_DFL) | {signal.SIGINT: signal.default_int_handler}
     before = {number: signal.signal(number, way) for number, way in ways.items()}
     yield signal.default_int_handler
     for number, way in before.items():
