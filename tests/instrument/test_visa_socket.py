@@ -16,6 +16,7 @@ import pytest
 from sldvexp.errors import UserError
 from sldvexp.instrument import Acquisition, InstrumentError
 from sldvexp.instrument.visa import Visa
+from sldvexp.stopping import handlers_kept
 from sldvexp.virtual_lab import LabServer, VirtualLab, console
 
 CONF = Path(__file__).parents[2] / "conf"
@@ -328,7 +329,7 @@ def test_a_port_that_is_taken(capsys, monkeypatch):
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = str(taken.getsockname()[1])
         monkeypatch.setattr(sys, "argv", ["sldvexp-lab", "--port", port])
-        with pytest.raises(SystemExit, match="1"):
+        with pytest.raises(SystemExit, match="1"), handlers_kept():
             console.main()
     told = f"sldvexp-lab: cannot listen on 127.0.0.1, port {port}: Address already in use; --port 0"
     assert capsys.readouterr().err.startswith(told)
