@@ -185,7 +185,7 @@ def test_who_has_no_stands_is_told_the_setting_that_takes_them(sldvexp):
 @pytest.mark.whole
 def test_a_plan_replaces_files_only_if_asked(planned, sldvexp):
     before = Path("lab/experiment/monday.yaml").read_bytes()
-    again = ("plan", *QUICK, "plan.stands=3", "--to", "lab", "--name", "monday")
+    again = ("plan", *QUICK, "plan.stands=4", "--to", "lab", "--name", "monday")
     done = sldvexp(*again)
     assert done.status == 1
     assert done.err.endswith("exists; overwrite=true puts this plan in its place\n")
@@ -194,7 +194,7 @@ def test_a_plan_replaces_files_only_if_asked(planned, sldvexp):
     assert sldvexp(*again, "overwrite=true").status == 0
     assert Path("lab/experiment/monday.yaml").read_bytes() != before
     made = yaml.safe_load(Path("lab/experiment/monday.yaml").read_text())
-    assert list(made["scene"]["views"]) == ["1", "2", "3"]
+    assert list(made["scene"]["views"]) == ["1", "2", "3", "4"]
     assert "overwrite" not in made
 
 

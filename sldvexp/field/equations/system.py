@@ -310,9 +310,10 @@ class NormalEquations:
 
     @cached_property
     def _cholesky(self) -> Array | None:
-        """Lower Cholesky factor of `dense`; None if there is none."""
+        """Lower Cholesky factor of `dense`; None if there is none but by round-off."""
         factor, failed = scipy.linalg.lapack.dpotrf(self.dense, lower=True)
-        return None if failed else factor
+        pivots, round_off = np.diagonal(factor) ** 2, len(factor) * np.finfo(float).eps
+        return None if failed or not pivots.min() > round_off * pivots.max() else factor
 
     def matrix(self) -> scipy.sparse.csr_array:
         """Assemble M itself, unknowns node by node, layer by layer."""
