@@ -41,8 +41,8 @@ from sldvexp.stopping import handlers_kept
 from sldvexp.testing import faults
 
 
-def _kept_code(otherwise: str) -> str:
-    """Give a folder that is this user's alone for compiled code, which the next run finds again."""
+def _kept_folder(otherwise: str) -> str:
+    """Give a folder that is this user's alone, whose files the next run finds again."""
     root = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
     folder = root / "sldvexp-tests"
     with suppress(OSError):
@@ -53,12 +53,12 @@ def _kept_code(otherwise: str) -> str:
 
 
 if "PYTEST_XDIST_WORKER" not in os.environ:  # workers have what the first process has
-    # Commands that tests start share what they compile and compose, and leave the user's alone.
+    # Commands that tests start share what they compose, and leave the user's alone.
     _shared = tempfile.TemporaryDirectory(prefix="sldvexp-tests-")
-    _kept = _kept_code(f"{_shared.name}/code")
-    os.environ["PYTHONPYCACHEPREFIX"] = sys.pycache_prefix = _kept
+    _kept = _kept_folder(f"{_shared.name}/kept")
     os.environ["MPLCONFIGDIR"] = f"{_kept}/matplotlib"  # whose list of fonts takes a second to make
     os.environ["XDG_CACHE_HOME"] = _shared.name
+    # Code is compiled beside its source, where that of all libraries is already.
     os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
     sys.dont_write_bytecode = False
     # Processes of which there is one for each processor would only wait for threads of the others.
