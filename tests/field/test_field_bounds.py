@@ -181,14 +181,19 @@ def test_large_fields(
     )
 
 
-def test_samples_of_a_large_field_are_looked_at_twice(
-    make_plate: Make, make_views: Make, six_points: SampleRule, laser: TwoMirror,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:  # fmt: skip
-    """For the equations, with those of the interpolation's errors, and for the bounds."""
+@pytest.fixture
+def smooth_looks(
+    make_plate: Make, make_views: Make, six_points: SampleRule, laser: TwoMirror
+) -> VolumeVisibility:
     views = smooth(make_views(5, pixels=12, covariance=1e-6 * np.eye(6)))
-    looks = VolumeVisibility(views, laser, make_plate((7, 6), 3), six_points)
-    at_once, ways = estimate(looks, Contravariant()), []
+    return VolumeVisibility(views, laser, make_plate((7, 6), 3), six_points)
+
+
+def test_samples_of_a_large_field_are_looked_at_twice(
+    smooth_looks: VolumeVisibility, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """For the equations, with those of the interpolation's errors, and for the bounds."""
+    at_once, ways = estimate(smooth_looks, Contravariant()), []
     for way in ("disjoint", "overlapping"):
         go = getattr(field_parts.RegionIterator, way)
 
@@ -200,7 +205,7 @@ def test_samples_of_a_large_field_are_looked_at_twice(
     monkeypatch.setattr(field_system, "SMALL", 0)
     monkeypatch.setattr(field_parts, "SAMPLES_IN_ALL", 0)
     monkeypatch.setattr(field_parts, "SAMPLES_AT_ONCE", 300)
-    in_parts = estimate(looks, Contravariant())
+    in_parts = estimate(smooth_looks, Contravariant())
     assert ways == ["disjoint", "overlapping"]
     largest = np.abs(at_once.interpolation_error).max()
     assert largest > 0
@@ -210,11 +215,8 @@ def test_samples_of_a_large_field_are_looked_at_twice(
 
 
 def test_samples_of_one_part_are_in_memory_at_a_time(
-    make_plate: Make, make_views: Make, six_points: SampleRule, laser: TwoMirror,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:  # fmt: skip
-    views = smooth(make_views(5, pixels=12, covariance=1e-6 * np.eye(6)))
-    looks = VolumeVisibility(views, laser, make_plate((7, 6), 3), six_points)
+    smooth_looks: VolumeVisibility, monkeypatch: pytest.MonkeyPatch
+) -> None:
     made: list[weakref.ref[field_parts.RegionSamples]] = []
     make = field_parts.RegionSamples.from_region
 
@@ -228,7 +230,7 @@ def test_samples_of_one_part_are_in_memory_at_a_time(
     monkeypatch.setattr(field_system, "SMALL", 0)
     monkeypatch.setattr(field_parts, "SAMPLES_IN_ALL", 0)
     monkeypatch.setattr(field_parts, "SAMPLES_AT_ONCE", 300)
-    estimate(looks, Contravariant())
+    estimate(smooth_looks, Contravariant())
     assert len(made) > 4
 
 

@@ -173,17 +173,6 @@ class Patch:
         return np.stack([self.shape[:, :3].sum(axis=1), self.shape[:, 3:].sum(axis=1)])
 
     @cached_property
-    def across(self) -> scipy.sparse.csr_array:
-        """Basis functions of the triangles, at a gap's samples, shape (patch_node, sample)."""
-        _, triangles, points = self.sample_shape
-        shape = self.shape[:, :3] + self.shape[:, 3:]
-        columns = np.repeat(self.corner, points, axis=0).ravel()
-        rows = np.repeat(np.arange(triangles * points), 3)
-        values = np.tile(shape.ravel(), triangles)
-        size = len(self.nodes), triangles * points
-        return scipy.sparse.csr_array((values, (columns, rows)), shape=size)
-
-    @cached_property
     def transposed(self) -> scipy.sparse.csr_array:
         """``B^T``, shape (node, sample)."""
         gaps, triangles, points = self.sample_shape

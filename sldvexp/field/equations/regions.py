@@ -168,15 +168,14 @@ class RegionSamples:
         values = self.patch.gap_at_samples(nodal.reshape(*nodal.shape[:2], -1))
         return values.reshape(*nodal.shape[2:], -1)
 
-    def field(self, theta: Array, gap: int | None = None) -> Array:
-        """Interpolate parameters at the samples, of one gap or all, (sample, parameter, column).
+    def field(self, theta: Array) -> Array:
+        """Interpolate parameters at the samples, (sample, parameter, column).
 
         Parameters
         ----------
         theta : ndarray, shape (layer, surface_node, parameter, column)
         """
-        layers = slice(None) if gap is None else slice(gap, gap + 2)
-        nodal = theta[layers, self.patch.nodes]
+        nodal = theta[:, self.patch.nodes]
         values = self.patch.at_samples(nodal.reshape(*nodal.shape[:2], -1))
         return values.reshape(-1, *nodal.shape[2:])
 
