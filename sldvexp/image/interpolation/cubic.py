@@ -57,7 +57,7 @@ class CubicInterpolator(Interpolator):
         for here in _blocks(len(dac)):
             corner = at.corner[here]
             frame = self._frame[corner][..., None]
-            term, by_own = self._monomials(at, dac, here)
+            term, by_own = monomials(self._in_frames(at, dac, here))
             gradient = self.mesh.gradients(corner, dac[here])
             of_patches = by_vertex[corner].reshape(len(corner), -1, columns)
             for a in range(2):
@@ -69,19 +69,18 @@ class CubicInterpolator(Interpolator):
 
     def _rows(self, at: Located, dac: Array, here: slice) -> scipy.sparse.csr_array:
         """Compute weights of the pixels at some found places, a row each."""
-        term, _ = self._monomials(at, dac, here)
         corner, vertices = at.corner[here], len(self.mesh.vertices)
+        weight = terms(self._in_frames(at, dac, here), at.weight[here])
         column = corner[..., None] + vertices * np.arange(TERMS, dtype=np.int32)
         flat = len(corner), corner.shape[1] * TERMS
-        weight = at.weight[here, :, None] * term
         of_patches = rows_of(column.reshape(flat), weight.reshape(flat), TERMS * vertices)
         return self.mesh.over_pixels(of_patches @ self._patches)
 
-    def _monomials(self, at: Located, dac: Array, here: slice) -> tuple[Array, Array]:
-        """Compute the terms of the corners' patches at some found places, and derivatives."""
+    def _in_frames(self, at: Located, dac: Array, here: slice) -> Array:
+        """Give some found places in the frames of their corners' patches, (place, k, 2)."""
         corner = at.corner[here]
         away = dac[here][:, None] - self.mesh.vertices[corner]
-        return monomials(np.einsum("nkab,nkb->nka", self._frame[corner], away))
+        return np.einsum("nkab,nkb->nka", self._frame[corner], away)
 
 
 def _blocks(count: int) -> Iterator[slice]:
@@ -109,6 +108,27 @@ ONE_SIDED = 1e-7
 NOTHING = 1e-14
 
 
+def terms(place: Array, weight: Array | float = 1.0) -> Array:
+    """Compute all terms of a patch, weighted, shape (..., TERMS).
+
+    Parameters
+    ----------
+    place : ndarray, shape (..., 2)
+        In the patch's own frame.
+    weight : ndarray, shape (...), optional
+    """
+    x, y = place[..., 0], place[..., 1]
+    found = np.empty((*x.shape, TERMS))
+    of = dict(zip(POWERS, np.moveaxis(found, -1, 0), strict=True))
+    of[0, 0][...] = weight
+    for (i, j), term in of.items():  # each is one of those before it times a coordinate
+        if i:
+            np.multiply(of[i - 1, j], x, out=term)
+        elif j:
+            np.multiply(of[i, j - 1], y, out=term)
+    return found
+
+
 def monomials(place: Array) -> tuple[Array, Array]:
     """Compute all terms and their derivatives.
 
@@ -122,17 +142,15 @@ def monomials(place: Array) -> tuple[Array, Array]:
     term : ndarray, shape (..., TERMS)
     derivative : ndarray, shape (2, ..., TERMS)
     """
-    x, y = np.moveaxis(place, -1, 0)
-    one, zero = np.ones_like(x), np.zeros_like(x)
-    power_x, power_y = (one, x, x * x), (one, y, y * y)
-    slope_x, slope_y = (zero, one, 2 * x), (zero, one, 2 * y)
-    both = np.empty((3, *x.shape, TERMS))
-    term, by_x, by_y = both
+    x, y = place[..., 0], place[..., 1]
+    term, derivative = terms(place), np.zeros((2, *x.shape, TERMS))
+    number = {powers: m for m, powers in enumerate(POWERS)}
     for m, (i, j) in enumerate(POWERS):
-        np.multiply(power_x[i], power_y[j], out=term[..., m])
-        np.multiply(slope_x[i], power_y[j], out=by_x[..., m])
-        np.multiply(power_x[i], slope_y[j], out=by_y[..., m])
-    return term, both[1:]
+        # x' = i x^(i-1): the term of one power less, which is among them.
+        for a, (power, less) in enumerate(((i, (i - 1, j)), (j, (i, j - 1)))):
+            if power:
+                np.multiply(term[..., number[less]], power, out=derivative[a, ..., m])
+    return term, derivative
 
 
 def fit_patches(
@@ -164,7 +182,7 @@ def fit_patches(
     """
     count = len(vertices)
     away = np.einsum("pab,pb->pa", frame[first], vertices[second] - vertices[first])
-    term, _ = monomials(away)
+    term = terms(away)
     weight = 1.0 / np.square(away).sum(axis=1)
     coefficient = np.zeros((len(first), TERMS))
     left = np.ones(len(first), bool)
@@ -211,7 +229,7 @@ def _fit_one_sided(
     coefficient : ndarray, shape (pair, TERMS)
     """
     away = np.einsum("pab,pb->pa", frame[first], vertices[second] - vertices[first])
-    term, _ = monomials(away)
+    term = terms(away)
     every = np.concatenate([term[:, 1 : len(CUBIC)], away**3], axis=1)
     found, determined = _fit(first, every, np.square(away).sum(axis=1) ** -2.0, ONE_SIDED)
     coefficient = np.zeros((len(first), TERMS))
