@@ -203,7 +203,7 @@ class TwoMirror:
         ends = self.angle_from_dac(np.array([[step, step] for step in self.board.value]))
         return ends.min(axis=0), ends.max(axis=0)
 
-    def reaches(self, angle: Array, share: float = 1.0) -> BoolArray:
+    def reaches(self, angle: Array, share: Array | float = 1.0) -> BoolArray:
         """Tell which angles the mirrors can be sent to, shape (...).
 
         The ends of the board belong to it, since a beam can be sent there, and so does what lies
@@ -214,7 +214,7 @@ class TwoMirror:
         ----------
         angle : ndarray, shape (..., 2), rad
             NaN, as of a point behind the instrument, is not reached.
-        share : float
+        share : float or ndarray, broadcastable to (..., 1)
             Part of the range around its middle that counts.
 
         Examples
