@@ -200,7 +200,8 @@ class TwoMirror:
     @property
     def reach(self) -> tuple[Array, Array]:
         """Smallest and largest angle of each mirror, shape (mirror,), rad."""
-        ends = self.angle_from_dac(np.array([[step, step] for step in self.board.value]))
+        u = np.array(self.board.value) / self.board.value[1]
+        ends = np.stack([self._angle(name, u) for name in MIRRORS], axis=1)
         return ends.min(axis=0), ends.max(axis=0)
 
     def reaches(self, angle: Array, share: Array | float = 1.0) -> BoolArray:
