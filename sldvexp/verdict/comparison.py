@@ -54,6 +54,8 @@ class Bench:
         Of the smooth field along the longest side.
     few_pixels : bool
         True if more of them were not tried because the pixels are too few.
+    at_stated : JointFit, optional
+        Fit with designs at the stated poses, where one of these data and this prior is made.
     """
 
     data: Sequence[PixelData]
@@ -64,6 +66,7 @@ class Bench:
     truncation: float = 0.0
     intervals: int = 0
     few_pixels: bool = False
+    at_stated: JointFit | None = None
 
     @property
     def names(self) -> list[str]:
@@ -82,8 +85,10 @@ class Bench:
 
     def fit(self) -> JointFit:
         """Fit all views, the designs taken again at the estimated poses."""
-        at_stated = JointFit(self.data, self.designs(np.zeros(len(self.prior))), self.prior)
-        return self.again(at_stated)
+        fit = self.at_stated
+        if fit is None or fit.data is not self.data or fit.prior is not self.prior:
+            fit = JointFit(self.data, self.designs(np.zeros(len(self.prior))), self.prior)
+        return self.again(fit)
 
     def without(self, k: int) -> JointFit:
         """Fit all views but one, which this fit predicts from where it is stated to stand."""
@@ -140,7 +145,7 @@ def bench_of(
         if (best is not None and found > (1 - FALL) * misfit) or fit.dof <= 0:
             break
         left = 0.0 if best is None else _truncation(misfit, found, before / intervals)
-        best = replace(tried, truncation=left, intervals=intervals)
+        best = replace(tried, truncation=left, intervals=intervals, at_stated=fit)
         misfit, before = found, intervals
     return best
 

@@ -81,6 +81,11 @@ class SmoothField:
         ]
         return product([f for f, _ in factors]), slopes
 
+    def values(self, points: Array) -> Array:
+        """Evaluate the basis functions alone, shape (point, function)."""
+        along = zip(((points - self.middle) @ self.axes.T).T, self.knots, strict=True)
+        return product([values_on(x, k) for x, k in along if k is not None])
+
     def _factors(self, points: Array) -> list[Array]:
         """Evaluate splines along every axis, and their slopes, shape (2, point, spline)."""
         along = (points - self.middle) @ self.axes.T
@@ -107,9 +112,9 @@ def splines_on(x: Array, knots: Array) -> Array:
     """Evaluate B-splines and their derivatives, (2, point, spline); beyond the ends, at them."""
     if not len(x):
         return np.zeros((2, 0, len(knots) - DEGREE - 1))
-    inside = np.clip(x, knots[0], np.nextafter(knots[-1], -np.inf))
+    inside = _between(x, knots)
+    value = values_on(x, knots)
     splines = scipy.interpolate.BSpline
-    value = splines.design_matrix(inside, knots, DEGREE).toarray()
     lower = splines.design_matrix(inside, knots[1:-1], DEGREE - 1).toarray()
     # B' of degree k: k B_i / (t_i+k - t_i) - k B_i+1 / (t_i+k+1 - t_i+1), of degree k - 1
     rise = DEGREE / (knots[DEGREE + 1 : -1] - knots[1 : -DEGREE - 1])
@@ -117,3 +122,13 @@ def splines_on(x: Array, knots: Array) -> Array:
     slope[:, 1:] += lower * rise
     slope[:, :-1] -= lower * rise
     return np.stack([value, slope])
+
+
+def values_on(x: Array, knots: Array) -> Array:
+    """Evaluate B-splines alone, shape (point, spline); beyond the ends, at them."""
+    splines = scipy.interpolate.BSpline
+    return np.asarray(splines.design_matrix(_between(x, knots), knots, DEGREE).toarray())
+
+
+def _between(x: Array, knots: Array) -> Array:
+    return np.clip(x, knots[0], np.nextafter(knots[-1], -np.inf))
