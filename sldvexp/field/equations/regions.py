@@ -16,6 +16,7 @@ import numpy as np
 
 from sldvexp.field.equations.elements import Graph, Patch, influence
 from sldvexp.field.equations.sample_model import FieldModel, SampleContributions
+from sldvexp.field.memory import kept_memory
 from sldvexp.field.visibility.visibility import SampleVisibility, VolumeVisibility
 from sldvexp.lazy import scipy
 from sldvexp.typing import Array, BoolArray, IndexArray
@@ -240,8 +241,9 @@ class RegionIterator:
         if self._fits:
             yield self._whole
             return
-        for own in self.own_nodes():
-            yield self._look(self.surface.of_own(own))
+        with kept_memory():
+            for own in self.own_nodes():
+                yield self._look(self.surface.of_own(own))
 
     def overlapping(self, rings: int, whole: bool) -> Iterator[RegionSamples]:
         """Go through regions with all samples that bear on their own nodes.
@@ -256,8 +258,9 @@ class RegionIterator:
         if whole or self._fits:
             yield self._whole
             return
-        for own in self.own_nodes():
-            yield self._look(self.surface.around(own, rings))
+        with kept_memory():
+            for own in self.own_nodes():
+                yield self._look(self.surface.around(own, rings))
 
     def own_nodes(self) -> Iterator[IndexArray]:
         """Go through the surface nodes of the regions, every node once."""
