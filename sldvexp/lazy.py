@@ -10,12 +10,15 @@ asking for the part alone would import the package at once.
 
 from __future__ import annotations
 
+import functools
 import importlib
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from importlib.abc import MetaPathFinder
+from importlib.machinery import ModuleSpec, PathFinder
 from types import ModuleType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import lazy_loader
 
@@ -93,6 +96,55 @@ def numpy_alone(to_the_end: bool = False) -> None:
             sys.modules["dask"] = None  # type: ignore[assignment]
 
 
+def _without_capabilities(module: Any) -> None:
+    """Let scipy's decorator, which adds a note to a docstring, parse an empty one."""
+    parser = functools.partial(module.FunctionDoc, doc="")
+    assert str(parser(numpy_alone)), "another parser than the one known here"
+    module.FunctionDoc = parser
+
+
+def _without_properties(module: Any) -> None:
+    """Let matplotlib list no properties in the docstrings of its artists."""
+    module.kwdoc = lambda artist: ""
+
+
+#: Modules that put docstrings together as others are imported, and what keeps each from it.
+OF_DOCSTRINGS: dict[str, Callable[[Any], None]] = {
+    "scipy._lib._array_api": _without_capabilities,
+    "matplotlib.artist": _without_properties,
+}
+
+
+class _WithoutDocstrings(MetaPathFinder):
+    """Finder of the modules that put docstrings together, which are kept from it once loaded."""
+
+    def find_spec(
+        self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
+    ) -> ModuleSpec | None:
+        """Find one of these modules; others are left to other finders."""
+        found = PathFinder.find_spec(fullname, path) if fullname in OF_DOCSTRINGS else None
+        if found is not None and found.loader is not None:
+            execute = found.loader.exec_module
+
+            def executed(module: ModuleType) -> None:
+                execute(module)
+                with suppress(Exception):  # of another release, which takes its time
+                    OF_DOCSTRINGS[fullname](module)
+
+            found.loader.exec_module = executed  # type: ignore[method-assign]
+        return found
+
+
+def without_docstrings() -> None:
+    """Keep libraries in this process from putting docstrings together, which takes 0.3 s.
+
+    scipy parses and formats those of its functions and matplotlib lists an artist's properties, as
+    they are imported. A command shows none of them.
+    """
+    if not any(isinstance(finder, _WithoutDocstrings) for finder in sys.meta_path):
+        sys.meta_path.insert(0, _WithoutDocstrings())
+
+
 __all__ = [
     "h5py",
     "jinja2",
@@ -102,5 +154,6 @@ __all__ = [
     "pandas",
     "pyvisa",
     "scipy",
+    "without_docstrings",
     "xarray",
 ]

@@ -33,7 +33,7 @@ from sldvexp.config import registry
 from sldvexp.config.experiment import Experiment
 from sldvexp.config.paths import RUN_FILE, conf_dir
 from sldvexp.errors import UserError, words_of
-from sldvexp.lazy import numpy_alone
+from sldvexp.lazy import numpy_alone, without_docstrings
 from sldvexp.limits import shown
 from sldvexp.stopping import end_with, exit_status, heed, this_process
 from sldvexp.writing import require_no_links
@@ -49,6 +49,10 @@ MULTIRUN = "hydra.mode=MULTIRUN"
 
 #: Number of a setting of GNU's malloc: how many heaps there are at most.
 ARENA_MAX = -8
+
+#: How many objects are made between searches for garbage, a tenth of which Python makes by default:
+#: hardly any is in circles, and a run would take 0.3 s for it.
+SELDOM = (7000, 10, 10)
 
 USUAL_WARNING = warnings.formatwarning
 
@@ -74,6 +78,8 @@ def main(asked: Sequence[str]) -> None:
     warnings.formatwarning = _warning
     gc.disable()  # composing makes many objects and no garbage; a job turns it on again
     atexit.register(gc.freeze)  # a process that ends need not look for garbage, which takes 0.4 s
+    gc.set_threshold(*SELDOM)
+    without_docstrings()
     heed()
     try:
         with hydra_raises() as full_error:

@@ -312,6 +312,39 @@ class TwoMirror:
             steps[..., i] = largest * self._solve(name, angles[..., i])
         return steps
 
+    def steps_within(self, angle: Array, reach: tuple[Array, Array]) -> Array:
+        """Give the DAC steps, not rounded, of angles that are reached; NaN of all others.
+
+        As `dac_from_angle` and `reaches` tell them, of many angles block by block.
+
+        Parameters
+        ----------
+        angle : ndarray, shape (point, 2), rad
+        reach : pair of ndarray, shape (mirror,), rad
+            As of `reach`, found once for all blocks.
+
+        Returns
+        -------
+        ndarray, shape (point, 2), steps
+            An entry of all points is contiguous.
+
+        Examples
+        --------
+        >>> laser = TwoMirror()
+        >>> laser.steps_within(np.array([[0.2, -0.1], [0.0, 0.5]]), laser.reach).round(1).tolist()
+        [[1877.5, -938.7], [nan, nan]]
+        """
+        steps, reached = np.empty(angle.T.shape), np.ones(len(angle), bool)
+        for name, of_mirror, low, high, found in zip(MIRRORS, angle.T, *reach, steps, strict=True):
+            slack = ROUNDING * (high - low)
+            reached &= (of_mirror >= low - slack) & (of_mirror <= high + slack)
+            np.multiply(
+                self.board.value[1], self._solve(name, np.clip(of_mirror, low, high)), out=found
+            )
+        if not reached.all():
+            steps[:, ~reached] = np.nan
+        return steps.T
+
     def _angle(self, name: str, u: Array) -> Array:
         return np.asarray(polynomial.polyval(u, getattr(self, name).coefficients))
 
