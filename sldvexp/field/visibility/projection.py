@@ -86,7 +86,10 @@ class ViewSamples:
         ----------
         values : ndarray, shape (pixel, column)
         """
-        found, place = np.zeros((2, len(self.valid), values.shape[1])), self.located.place
+        place, count = self.located.place, len(self.valid)
+        if len(place) == count:
+            return self.interpolator.slopes(self.located, self.dac, values)
+        found = np.zeros((2, count, values.shape[1]))
         found[:, place] = self.interpolator.slopes(self.located, self.dac[place], values)
         return found
 
