@@ -22,7 +22,8 @@ import numpy as np
 from sldvexp.lazy import scipy
 from sldvexp.typing import Array, BoolArray
 
-#: Nodes of the quadrature across the spot, and how far it goes, in standard deviations.
+#: Nodes of the quadrature across the spot, an even number, and how far it goes, in standard
+#: deviations.
 NODES, REACH = 64, 6.5
 #: Stands for the variance of a spot without extent, in squared radii.
 SHARP = 1e-24
@@ -32,7 +33,18 @@ FAR = 9.0
 
 @cache
 def _nodes(count: int) -> tuple[Array, Array]:
-    return np.polynomial.legendre.leggauss(count)
+    """Give the positive ones of Gauss-Legendre's nodes, ascending, and the weights of all."""
+    node, weight = np.polynomial.legendre.leggauss(count)
+    return node[count // 2 :], weight
+
+
+def _mirrored(half: Array, sign: float = 1.0) -> Array:
+    """Add to an even or odd function of the positive nodes, (n, node), that of the negative."""
+    count = half.shape[1]
+    found = np.empty((len(half), 2 * count))
+    found[:, count:] = half
+    np.multiply(half[:, ::-1], sign, out=found[:, :count])
+    return found
 
 
 def part_of_disc(middle: Array, covariance: Array, nodes: int = NODES) -> Array:
@@ -130,10 +142,11 @@ class _AcrossEdge:
         self._s = np.sqrt(np.maximum(c_oo - c_ot**2 / c_tt, SHARP))[:, None]
         self._sigma, self._lean = np.sqrt(c_tt)[:, None], (c_ot / c_tt)[:, None]
 
+        # Nodes come in pairs u and -u: half of the sines tell all, and most of the time is theirs.
         node, self._weight = _nodes(nodes)
         self._most = np.arcsin(np.minimum(REACH * self._sigma, 1.0))
-        u = self._most * node
-        self._t, self._h = np.sin(u), np.cos(u)
+        t = np.sin(self._most * node)
+        self._t, self._h = _mirrored(t, -1.0), _mirrored(np.sqrt(1.0 - t * t))
         mean = away[:, None] + self._lean * self._t
         self._ahead = (self._h - mean) / self._s
         # The other side of the disc, unless it is too far from every spot.
@@ -142,8 +155,9 @@ class _AcrossEdge:
         if not self._far:
             self._beyond = (-self._h - mean) / self._s
             self._far = not np.any(self._beyond > -FAR)
-        density = np.exp(-0.5 * (self._t / self._sigma) ** 2)
-        self._density = density * (self._most / (np.sqrt(2.0 * np.pi) * self._sigma))
+        density = np.exp(-0.5 * (t / self._sigma) ** 2)
+        density *= self._most / (np.sqrt(2.0 * np.pi) * self._sigma)
+        self._density = _mirrored(density)
 
     def part(self) -> Array:
         between = scipy.special.ndtr(self._ahead)

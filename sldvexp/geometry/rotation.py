@@ -141,10 +141,13 @@ def skew(vector: ArrayLike) -> Array:
     >>> skew([0.0, 0.0, 1.0]) @ [1.0, 0.0, 0.0]
     array([0., 1., 0.])
     """
-    x, y, z = np.moveaxis(np.asarray(vector, float), -1, 0)
-    zero = np.zeros_like(x)
-    rows = [[zero, -z, y], [z, zero, -x], [-y, x, zero]]
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+    v = np.asarray(vector, float)
+    x, y, z = v[..., 0], v[..., 1], v[..., 2]
+    found = np.zeros((*v.shape, 3))
+    found[..., 0, 1], found[..., 0, 2] = -z, y
+    found[..., 1, 0], found[..., 1, 2] = z, -x
+    found[..., 2, 0], found[..., 2, 1] = -y, x
+    return found
 
 
 def rotation_from_vector(vector: ArrayLike) -> Array:

@@ -52,7 +52,7 @@ def project_with_directions(points: Array, mirror_offset: float) -> tuple[Array,
     -------
     angles : ndarray, shape (point, 2), rad
     directions : ndarray, shape (point, 3)
-        In laser axes.
+        In laser axes. Of both an entry of all points is contiguous.
 
     Examples
     --------
@@ -64,7 +64,7 @@ def project_with_directions(points: Array, mirror_offset: float) -> tuple[Array,
     radius = np.sqrt(y * y + z * z)
     reach = radius + mirror_offset
     distance = np.sqrt(x * x + reach * reach)
-    angles = np.stack([np.arctan2(y, z), np.arctan2(x, reach)], axis=-1)
+    angles = np.stack([np.arctan2(y, z), np.arctan2(x, reach)]).T
     with np.errstate(divide="ignore", invalid="ignore"):
         turned = reach / (distance * radius)
         directions = -np.stack([x / distance, turned * y, turned * z]).T

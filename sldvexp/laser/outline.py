@@ -16,6 +16,7 @@ first order.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -130,14 +131,14 @@ class PartOutline:
 
     def pieces(self, rotation: Array, origin: Array, laser: TwoMirror) -> Pieces:
         """Cut the edges that may be outline from a place into straight pieces."""
-        corners = self.position[self.triangles]
-        normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        front = np.einsum("ti,ti->t", normal, origin - corners[:, 0]) > 0
+        front = (
+            np.einsum("ti,ti->t", self._normal, origin - self.position[self.triangles[:, 0]]) > 0
+        )
         one, other = self.beside.T
         inner = other >= 0
         # Neighbours that are wound against each other have no common front: such edges stay, and
         # what beams meet beside them decides.
-        hidden = inner & (front[one] == front[other]) & self._wound_alike()
+        hidden = inner & (front[one] == front[other]) & self._wound_alike
         chosen = np.flatnonzero(~hidden)
         a, b = np.moveaxis(self.position[self.edges[chosen]], 1, 0)
         count = np.ceil(np.linalg.norm(b - a, axis=1) * PIECES / self.extent).astype(int)
@@ -151,6 +152,13 @@ class PartOutline:
         before = (seen[..., 2] > 0).all(axis=1)
         return Pieces(chosen[own][before], ends[before], steps[before])
 
+    @cached_property
+    def _normal(self) -> Array:
+        """Normals of the triangles, of twice their area, shape (triangle, 3), m^2."""
+        corners = self.position[self.triangles]
+        return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+
+    @cached_property
     def _wound_alike(self) -> BoolArray:
         """Tell which edges two triangles go along in opposite senses, shape (edge,)."""
         ahead = np.zeros((len(self.edges), 2), bool)
@@ -230,9 +238,9 @@ class PartOutline:
         line, piece, along, jacobian = line[good], piece[good], along[good], jacobian[good]
         at = point[line] + along[:, None] * direction[line]
         aside = BESIDE / float(laser.step.mean()) * direction[line]
-        inside = self.covers(at - aside, rotation, origin, laser)
-        outside = ~self.covers(at + aside, rotation, origin, laser)
-        kept = inside & outside
+        both = self.covers(np.concatenate([at - aside, at + aside]), rotation, origin, laser)
+        inside, beyond = np.split(both, 2)
+        kept = inside & ~beyond
         return Crossings(line[kept], along[kept], jacobian[kept], pieces.edge[piece[kept]])
 
     def outline(
@@ -266,9 +274,8 @@ class PartOutline:
         with np.errstate(invalid="ignore", divide="ignore"):
             normal = np.stack([ahead[:, 1], -ahead[:, 0]], axis=1) / length[:, None]
         aside = BESIDE / float(laser.step.mean()) * normal
-        left, right = (
-            self.covers(middle + sign * aside, rotation, origin, laser) for sign in (1, -1)
-        )
+        both = np.concatenate([middle + aside, middle - aside])
+        left, right = np.split(self.covers(both, rotation, origin, laser), 2)
         seen = (left != right) & (length > 0)
         if not seen.any():
             raise UserError("no outline of the part is before the instrument")
@@ -324,19 +331,25 @@ def _met_at_once(
     steps: Array, point: Array, direction: Array, reach: float, nearest: int
 ) -> tuple[IndexArray, IndexArray]:
     """Find the same of a few scan lines."""
-    away = steps[None] - point[:, None, None]
-    u = direction[:, None, None]
-    aside = u[..., 0] * away[..., 1] - u[..., 1] * away[..., 0]
-    ahead = (u * away).sum(axis=-1)
+    x, y = np.moveaxis(steps, -1, 0)  # (piece, end)
+    u, v = direction.T[..., None]
+
+    def aside(end: int) -> Array:
+        """Distances of ends from the straight lines, shape (line, piece)."""
+        return np.asarray(u * (y[:, end] - point[:, 1:]) - v * (x[:, end] - point[:, :1]))
+
+    one, other = aside(0), aside(1)
     # A piece holds its first end, so that a line through a corner meets one piece.
-    crosses = (aside[..., 0] < 0) != (aside[..., 1] < 0)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        share = aside[..., 0] / (aside[..., 0] - aside[..., 1])
-        along = np.abs(ahead[..., 0] + share * (ahead[..., 1] - ahead[..., 0]))
-    along[~crosses | (along > reach + 1)] = np.inf
-    order = np.argsort(along, axis=1)[:, : 2 * nearest]
-    line, place = np.nonzero(np.isfinite(np.take_along_axis(along, order, axis=1)))
-    return line, order[line, place]
+    line, piece = np.nonzero((one < 0) != (other < 0))
+    one, other = one[line, piece], other[line, piece]
+    ahead = np.sum(direction[line, None] * (steps[piece] - point[line, None]), axis=-1)
+    along = np.abs(ahead[:, 0] + one / (one - other) * (ahead[:, 1] - ahead[:, 0]))
+    near = along <= reach + 1
+    line, piece, along = line[near], piece[near], along[near]
+    order = np.lexsort((along, line))
+    line, piece = line[order], piece[order]
+    rank = np.arange(len(line)) - np.searchsorted(line, line)
+    return line[rank < 2 * nearest], piece[rank < 2 * nearest]
 
 
 def _placed(

@@ -200,10 +200,11 @@ class TwoMirror:
     @property
     def reach(self) -> tuple[Array, Array]:
         """Smallest and largest angle of each mirror, shape (mirror,), rad."""
-        ends = self.angle_from_dac(np.array([[step, step] for step in self.board.value]))
+        u = np.array(self.board.value) / self.board.value[1]
+        ends = np.stack([self._angle(name, u) for name in MIRRORS], axis=1)
         return ends.min(axis=0), ends.max(axis=0)
 
-    def reaches(self, angle: Array, share: float = 1.0) -> BoolArray:
+    def reaches(self, angle: Array, share: Array | float = 1.0) -> BoolArray:
         """Tell which angles the mirrors can be sent to, shape (...).
 
         The ends of the board belong to it, since a beam can be sent there, and so does what lies
@@ -214,7 +215,7 @@ class TwoMirror:
         ----------
         angle : ndarray, shape (..., 2), rad
             NaN, as of a point behind the instrument, is not reached.
-        share : float
+        share : float or ndarray, broadcastable to (..., 1)
             Part of the range around its middle that counts.
 
         Examples
@@ -310,6 +311,39 @@ class TwoMirror:
             _require_within(angles[..., i], low, high, labels, what, 180.0 / np.pi, " deg")
             steps[..., i] = largest * self._solve(name, angles[..., i])
         return steps
+
+    def steps_within(self, angle: Array, reach: tuple[Array, Array]) -> Array:
+        """Give the DAC steps, not rounded, of angles that are reached; NaN of all others.
+
+        As `dac_from_angle` and `reaches` tell them, of many angles block by block.
+
+        Parameters
+        ----------
+        angle : ndarray, shape (point, 2), rad
+        reach : pair of ndarray, shape (mirror,), rad
+            As of `reach`, found once for all blocks.
+
+        Returns
+        -------
+        ndarray, shape (point, 2), steps
+            An entry of all points is contiguous.
+
+        Examples
+        --------
+        >>> laser = TwoMirror()
+        >>> laser.steps_within(np.array([[0.2, -0.1], [0.0, 0.5]]), laser.reach).round(1).tolist()
+        [[1877.5, -938.7], [nan, nan]]
+        """
+        steps, reached = np.empty(angle.T.shape), np.ones(len(angle), bool)
+        for name, of_mirror, low, high, found in zip(MIRRORS, angle.T, *reach, steps, strict=True):
+            slack = ROUNDING * (high - low)
+            reached &= (of_mirror >= low - slack) & (of_mirror <= high + slack)
+            np.multiply(
+                self.board.value[1], self._solve(name, np.clip(of_mirror, low, high)), out=found
+            )
+        if not reached.all():
+            steps[:, ~reached] = np.nan
+        return steps.T
 
     def _angle(self, name: str, u: Array) -> Array:
         return np.asarray(polynomial.polyval(u, getattr(self, name).coefficients))

@@ -7,12 +7,13 @@ are scanned across it go on there. Of single points a pose needs some only.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from sldvexp.planner.structure import Structure
 from sldvexp.targets import Circles, Target
-from sldvexp.targets.shadows import SPAN, hidden_behind_circles, shaded
+from sldvexp.targets.shadows import SPAN, Discs, hidden_behind_circles, shaded
 from sldvexp.typing import Array, BoolArray
 
 #: Points on the rim of each circle that beams must reach.
@@ -67,11 +68,16 @@ class TargetMarks:
         rim, normal = unit * np.concatenate(rims), np.concatenate(normals)
         return cls(rim, normal, unit * np.array(centres), target)
 
+    @cached_property
+    def discs(self) -> Discs | None:
+        """The circles as discs, if it has some."""
+        return None if self.circles is None else Discs.from_circles(self.circles)
+
     def hides(self, origins: Array, points: Array) -> BoolArray:
         """Tell which points the circles hide from stands, (stand, point)."""
-        if self.circles is None:
+        if self.discs is None:
             return np.zeros((len(origins), len(points)), bool)
-        return np.asarray(hidden_behind_circles(origins, points, self.circles).any(axis=2))
+        return np.asarray(hidden_behind_circles(origins, points, self.discs).any(axis=2))
 
     def incidences(self, origin: Array) -> dict[int, float]:
         """Find the largest angle of incidence on each circle from a stand, deg, by its number."""
@@ -85,9 +91,10 @@ class TargetMarks:
 
     def hide_themselves(self, origins: Array) -> BoolArray:
         """Tell from which stands a circle is hidden by another one, (stand,)."""
-        if self.circles is None or len({c.plane for c in self.circles.circles.values()}) == 1:
+        on_one_plane = self.circles and len({c.plane for c in self.circles.circles.values()}) == 1
+        if self.discs is None or on_one_plane:
             return np.zeros(len(origins), bool)
-        return np.asarray(shaded(origins, self.circles).any(axis=(1, 2)))
+        return np.asarray(shaded(origins, self.discs).any(axis=(1, 2)))
 
     def hidden_by(self, structure: Structure, origins: Array) -> BoolArray:
         """Tell which circles, or single marks, the structure hides from stands, (stand, mark)."""

@@ -193,7 +193,7 @@ def _extended(matched: MatchedPoints, core: BoolArray) -> RobustPose:
         if not p_value[others[best]] > LEVEL / n:
             break
         used[others[best]] = True
-        pose = matched.solve(used)
+        pose = tried.single()[best]
     statistic[used] = p_value[used] = np.nan
     variance, left_out = _variance(pose), int(np.sum(~used))
     dof = pose.dof + 2 * left_out

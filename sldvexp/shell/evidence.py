@@ -157,14 +157,15 @@ class Level:
         rows[:, self.inner] = -self.whitener @ (self.coupling.T @ root)
         return of_inner, rows
 
-    def whitened_twice(self, matrix: Array, scale: Array) -> Array:
-        """Compute ``T M T'`` of a symmetric matrix, with ``T'T = H^-1``, b before m."""
+    def whitened_twice(self, matrix: Array) -> tuple[Array, Array]:
+        """Compute ``T M T'`` of a symmetric matrix within b and within m, before the scale.
 
-        def once(columns: Array) -> Array:
-            own, others = self.whitened(columns)
-            return np.concatenate([own, np.sqrt(scale)[:, None] * others])
-
-        return once(once(matrix).T)
+        With ``T'T = H^-1`` at a weight, ``sqrt(scale_i scale_j)`` multiplies what is within m.
+        """
+        once = np.concatenate(self.whitened(matrix))
+        own, others = self.whitened(once.T)
+        size = len(self.inner)
+        return own[:, :size], others[:, size:]
 
     def coefficients(self, of_inner: Array, of_outer: Array) -> Array:
         """Turn back what is whitened: ``H^-1 f`` is that of a and of g times the scale."""
@@ -328,31 +329,33 @@ class WeightedFit:
             Signal over noise of the block b and of the block m given b, as variances.
         """
         over = np.zeros(2)
-        for level, scale, share in self._of_last():
-            first = len(level.inner)
-            own, found = (level.whitened_twice(m, scale) for m in (noise, energy))
-            for k, block in enumerate((slice(first), slice(first, None))):
-                alone = count * np.trace(own[block, block])
-                error = np.sqrt(2 * count) * np.linalg.norm(own[block, block])
-                most = np.trace(found[block, block]) - alone + REJECTED * error
-                over[k] += share * max(most, 0.0) / alone
+        for level, scales, shares in self._of_last():
+            both = zip(*(level.whitened_twice(m) for m in (noise, energy)), strict=True)
+            for k, (own, found) in enumerate(both):
+                # (weight, coefficient): only within m a weight scales anything
+                scale = scales.T if k else np.ones((len(shares), len(own)))
+                alone = count * scale @ np.diag(own)
+                norm = np.sqrt(np.sum((scale @ own**2) * scale, axis=1))
+                most = scale @ np.diag(found) - alone + REJECTED * np.sqrt(2 * count) * norm
+                over[k] += shares @ (np.maximum(most, 0.0) / alone)
         return over
 
     def by_block(self) -> tuple[Array, Array]:
         """Split the covariance of the last column by the blocks b and m, given b."""
         size = len(self.reduced)
         own, others = np.zeros((2, size, size))
-        for level, scale, share in self._of_last():
+        for level, scales, shares in self._of_last():
             of_inner, rows = level.inverse
-            own += share * of_inner
-            others += rows.T @ (share * scale[:, None] * rows)
+            own += shares.sum() * of_inner
+            others += rows.T @ ((scales @ shares)[:, None] * rows)
         return own, others
 
-    def _of_last(self) -> Iterator[tuple[Level, Array, float]]:
-        """Give the weights that count for the last column, and their shares."""
+    def _of_last(self) -> Iterator[tuple[Level, Array, Array]]:
+        """Give levels with the scales of the weights that count for the last column, and shares."""
         for level, share in zip(self.levels, self.share, strict=True):
-            for k in np.flatnonzero(share[:, -1]):
-                yield level, level.scale[:, k], float(share[k, -1])
+            counts = share[:, -1] > 0
+            if counts.any():
+                yield level, level.scale[:, counts], share[counts, -1]
 
     def covariance(self, column: int) -> Array:
         """Compute the covariance of a column's coefficients: all variances are made of it.

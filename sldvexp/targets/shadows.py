@@ -12,6 +12,8 @@ taken for it. The offset of the mirrors moves O by a few millimetres and is negl
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from sldvexp.targets.circles import Circles
@@ -25,7 +27,33 @@ SPAN = 1.5
 APART = 1e-6
 
 
-def hidden_behind_circles(origins: Array, points: Array, target: Circles) -> BoolArray:
+@dataclass(frozen=True, eq=False)
+class Discs:
+    """Circles as discs in space, in the order of the target's circles.
+
+    Parameters
+    ----------
+    edges : ndarray, shape (circle, corner, 3), m
+    centre : ndarray, shape (circle, 3), m
+    normal : ndarray, shape (circle, 3)
+    radius : ndarray, shape (circle,), m
+    """
+
+    edges: Array
+    centre: Array
+    normal: Array
+    radius: Array
+
+    @classmethod
+    def from_circles(cls, target: Circles) -> Discs:
+        """Lay the circles of a target out."""
+        edges, circles = target.outlines(), target.circles.values()
+        radius = np.array([c.diameter / 2 for c in circles]) * target.unit.value
+        normal = {name: plane.axes()[2] for name, plane in target.planes.items()}
+        return cls(edges, edges.mean(axis=1), np.array([normal[c.plane] for c in circles]), radius)
+
+
+def hidden_behind_circles(origins: Array, points: Array, discs: Discs) -> BoolArray:
     """Tell which circles stand in the way from places of the instrument to points.
 
     Parameters
@@ -36,10 +64,9 @@ def hidden_behind_circles(origins: Array, points: Array, target: Circles) -> Boo
     Returns
     -------
     ndarray of bool, shape (stand, point, circle)
-        In the order of the target's circles.
     """
-    t, beside, radius = _met(origins, points, target)
-    return np.asarray((beside <= radius + REST) & (t > 0) & (t < 1 - APART))
+    t, beside = _met(origins, points, discs)
+    return np.asarray((beside <= discs.radius + REST) & (t > 0) & (t < 1 - APART))
 
 
 def circles_met(begin: Array, way: Array, target: Circles) -> Array:
@@ -75,25 +102,24 @@ def circles_met(begin: Array, way: Array, target: Circles) -> Array:
     return found
 
 
-def shaded(origins: Array, target: Circles) -> BoolArray:
+def shaded(origins: Array, discs: Discs) -> BoolArray:
     """Tell which circles cannot be scanned from places, because of which others.
 
     Returns
     -------
     ndarray of bool, shape (stand, circle, other circle)
-        In the order of the target's circles: the other hides a part of the circle, or looks as near
-        to it as lines across it reach.
+        The other hides a part of the circle, or looks as near to it as lines across it reach.
     """
-    edges = target.outlines()
+    edges = discs.edges
     count, corners, _ = edges.shape
     middle = edges.mean(axis=1, keepdims=True)
     ends = middle + SPAN * (edges - middle)
     shape = (len(origins), count, corners, count)
-    hidden = hidden_behind_circles(origins, edges.reshape(-1, 3), target).reshape(shape)
-    t, beside, radius = _met(origins, ends.reshape(-1, 3), target)
-    own_rest = (SPAN - 1) * radius <= REST  # a line that ends on it sees nothing behind
+    hidden = hidden_behind_circles(origins, edges.reshape(-1, 3), discs).reshape(shape)
+    t, beside = _met(origins, ends.reshape(-1, 3), discs)
+    own_rest = (SPAN - 1) * discs.radius <= REST  # a line that ends on it sees nothing behind
     seen = (t > 0) & (t < 1 - APART) | (t > 1 + APART) & ~np.repeat(own_rest, corners)[:, None]
-    near = ((beside <= radius) & seen).reshape(shape)
+    near = ((beside <= discs.radius) & seen).reshape(shape)
     return np.asarray((hidden | near).any(axis=2))
 
 
@@ -115,7 +141,7 @@ def shaded_circles(origin: Array, target: Circles) -> dict[int, list[int]]:
     ({1: [3]}, {})
     """
     numbers = np.array(list(target.circles))
-    found = zip(numbers.tolist(), shaded(origin[None], target)[0], strict=True)
+    found = zip(numbers.tolist(), shaded(origin[None], Discs.from_circles(target))[0], strict=True)
     return {number: numbers[row].tolist() for number, row in found if row.any()}
 
 
@@ -167,21 +193,18 @@ def unseen_circles(origin: Array, target: Circles) -> dict[int, str]:
     }
 
 
-def _met(origins: Array, points: Array, target: Circles) -> tuple[Array, Array, Array]:
+def _met(origins: Array, points: Array, discs: Discs) -> tuple[Array, Array]:
     """Find where beams to points meet the planes of circles.
 
     Returns
     -------
     t, beside : ndarray, shape (stand, point, circle)
         Part of the way, and distance from the circle's middle, m.
-    radius : ndarray, shape (circle,), m
     """
-    centre = target.outlines().mean(axis=1)
-    radius = np.array([c.diameter / 2 for c in target.circles.values()]) * target.unit.value
-    normal = np.array([target.planes[c.plane].axes()[2] for c in target.circles.values()])
+    centre, normal = discs.centre, discs.normal
     way = points[None] - origins[:, None]
     height = np.einsum("kj,skj->sk", normal, centre[None] - origins[:, None])
     with np.errstate(divide="ignore", invalid="ignore"):
         t = height[:, None] / np.einsum("spj,kj->spk", way, normal)
         off = (origins[:, None, None] - centre) + t[..., None] * way[:, :, None]
-    return t, np.linalg.norm(off, axis=-1), radius
+    return t, np.linalg.norm(off, axis=-1)

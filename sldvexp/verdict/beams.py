@@ -135,7 +135,7 @@ class PixelBeams:
             way / across[:, None],
         )
 
-    def take(self, kept: Array) -> PixelBeams:
+    def take(self, kept: IndexArray | BoolArray) -> PixelBeams:
         """Keep some of the beams."""
         return PixelBeams(**{name: values[kept] for name, values in self.__dict__.items()})
 

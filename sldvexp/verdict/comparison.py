@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -23,7 +24,7 @@ from sldvexp.verdict.beams import MeasuredSurface, PixelBeams
 from sldvexp.verdict.explanation import LARGE_MISFIT, LEAST_PIXELS, POSE, ViewTests
 from sldvexp.verdict.field_around import FieldAround
 from sldvexp.verdict.joint_fit import JointFit, PixelDesign
-from sldvexp.verdict.pixel_data import PixelData, pixel_data
+from sldvexp.verdict.pixel_data import PixelData, compared_beams, pixel_data
 from sldvexp.verdict.smooth_field import SmoothField
 
 #: Tests of every view.
@@ -54,6 +55,8 @@ class Bench:
         Of the smooth field along the longest side.
     few_pixels : bool
         True if more of them were not tried because the pixels are too few.
+    at_stated : JointFit, optional
+        Fit with designs at the stated poses, where one of these data and this prior is made.
     """
 
     data: Sequence[PixelData]
@@ -64,11 +67,26 @@ class Bench:
     truncation: float = 0.0
     intervals: int = 0
     few_pixels: bool = False
+    at_stated: JointFit | None = None
 
     @property
     def names(self) -> list[str]:
         """Names of the views."""
         return [d.view.name for d in self.data]
+
+    @property
+    def _made(self) -> JointFit | None:
+        """Fit at the stated poses, if it is of these data and this prior."""
+        fit = self.at_stated
+        same = fit is not None and fit.data is self.data and fit.prior is self.prior
+        return fit if same else None
+
+    @cached_property
+    def as_stated(self) -> list[PixelDesign]:
+        """Designs of all views at the poses and the height that are stated."""
+        if (fit := self._made) is not None:
+            return list(fit.designs)
+        return [PixelDesign.of(data, data.beams, self.smooth) for data in self.data]
 
     def design(self, k: int, errors: Array) -> PixelDesign:
         """Trace a view whose pose and height are off by `errors`, shape (6 view + 1,)."""
@@ -82,14 +100,12 @@ class Bench:
 
     def fit(self) -> JointFit:
         """Fit all views, the designs taken again at the estimated poses."""
-        at_stated = JointFit(self.data, self.designs(np.zeros(len(self.prior))), self.prior)
-        return self.again(at_stated)
+        return self.again(self._made or JointFit(self.data, self.as_stated, self.prior))
 
     def without(self, k: int) -> JointFit:
         """Fit all views but one, which this fit predicts from where it is stated to stand."""
         others = [i for i in range(len(self.data)) if i != k]
-        errors = np.zeros(len(self.prior))
-        return self.again(JointFit(self.data, self.designs(errors), self.prior, views=others))
+        return self.again(JointFit(self.data, self.as_stated, self.prior, views=others))
 
     def with_noise(self, k: int, times: float) -> Bench:
         """Take the noise of a view as so many times the stated one."""
@@ -120,13 +136,12 @@ def bench_of(
     covariance : ndarray, shape (6 view, 6 view), optional
         Of the poses; without it they are taken as exact.
     """
-    data, stated = pixel_data(views, surface)
+    data, stated = pixel_data(views, [compared_beams(view, surface) for view in views])
     if min((len(d.pixel) for d in data), default=0) < LEAST_PIXELS:
         return None
     if not any(np.any(d.velocity) for d in data):
         return None
     prior = prior_factor(covariance, len(data), surface.thickness)
-    beams = [PixelBeams.trace(d.view, surface, d.pixel) for d in data]
     best: Bench | None = None
     misfit, before = np.inf, 0
     for intervals in INTERVALS:
@@ -134,13 +149,13 @@ def bench_of(
         if best is not None and pixels_for(smooth) > sum(len(d.pixel) for d in data):
             best = replace(best, few_pixels=True)
             break  # on a surface that bends a lot functions grow as the cube of intervals
-        designs = [PixelDesign.of(d, b, smooth) for d, b in zip(data, beams, strict=True)]
-        tried, fit = Bench(data, surface, smooth, prior, stated), JointFit(data, designs, prior)
+        tried = Bench(data, surface, smooth, prior, stated)
+        fit = JointFit(data, tried.as_stated, prior)
         found = fit.squares / max(fit.dof, 1)
         if (best is not None and found > (1 - FALL) * misfit) or fit.dof <= 0:
             break
         left = 0.0 if best is None else _truncation(misfit, found, before / intervals)
-        best = replace(tried, truncation=left, intervals=intervals)
+        best = replace(tried, truncation=left, intervals=intervals, at_stated=fit)
         misfit, before = found, intervals
     return best
 

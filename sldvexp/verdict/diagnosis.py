@@ -24,7 +24,7 @@ from sldvexp.typing import Array, ComplexArray, IndexArray
 from sldvexp.verdict.comparison import Bench
 from sldvexp.verdict.explanation import CONJUGATES, NAMED, POSE, SMALLEST, UNEXPLAINED, Explanation
 from sldvexp.verdict.joint_fit import JointFit
-from sldvexp.verdict.pixel_data import pixel_data
+from sldvexp.verdict.pixel_data import compared_beams, pixel_data
 
 #: Standard deviations of a freed pose, rotation (rad) and origin (m): of small and of large moves
 #: that explain as much the small one is taken.
@@ -279,14 +279,15 @@ def _exchanges(bench: Bench) -> Iterator[Tried]:
     All views then agree as well as those do that are not exchanged. One that is wrong in a way
     that no kind explains would else seem exchanged where few of its beams meet the surface.
     """
-    designs = bench.designs(np.zeros(len(bench.prior)))
     for i in range(len(bench.data)):
         for j in range(i):
             rest = [k for k in range(len(bench.data)) if k not in (i, j)]
-            others = JointFit(bench.data, designs, bench.prior, views=rest)
+            others = JointFit(bench.data, bench.as_stated, bench.prior, views=rest)
             views = [d.view for d in bench.data]
             views[i], views[j] = _image_of(views[i], views[j]), _image_of(views[j], views[i])
-            data, _ = pixel_data(views, bench.surface)
+            beams = [d.beams for d in bench.data]
+            beams[i], beams[j] = (compared_beams(views[k], bench.surface) for k in (i, j))
+            data, _ = pixel_data(views, beams)
             found = replace(bench, data=data).fit()
             agrees = found.squares * others.dof < EXCHANGED * others.squares * found.dof
             if agrees and 2 * found.count > sum(len(d.pixel) for d in bench.data):

@@ -79,21 +79,29 @@ class PixelDesign:
         ----------
         m : ndarray, shape (3 function, channel)
         """
-        m = m.reshape(3, -1, m.shape[-1])
-        velocity = np.stack([self.basis @ of for of in m], axis=1)  # (present, axis, channel)
-        found = np.zeros((len(self.weight), POSE + 1, m.shape[-1]))
-        found[:, :POSE] = np.einsum("nip,nic->npc", self.beams.direction_by_pose, velocity)
-        for axis, slope in self.slopes:
-            change = sum(d[:, None] * (slope @ of) for d, of in zip(self.toward, m, strict=True))
-            moves = np.einsum("i,nip->np", axis, self.beams.point_by_pose)
-            found[:, :POSE] += moves[:, :, None] * change[:, None]
-            found[:, POSE] += (self.beams.point_by_height @ axis)[:, None] * change
-        return found * self.weight[:, None, None]
+        present, channels = len(self.weight), m.shape[-1]
+        by_function = m.reshape(3, -1, channels).transpose(1, 0, 2).reshape(-1, 3 * channels)
+        field = np.empty((present, 3 + len(self.slopes), channels))
+        field[:, :3] = (self.basis @ by_function).reshape(present, 3, channels)
+        for k, (_, slope) in enumerate(self.slopes, 3):
+            change = (slope @ by_function).reshape(present, 3, channels)
+            field[:, k] = np.einsum("ni,nic->nc", self.beams.direction, change)
+        return np.asarray(self._by_field @ field)
 
-    @property
-    def toward(self) -> Array:
-        """Direction cosines, shape (3, present)."""
-        return self.beams.direction.T
+    @cached_property
+    def _by_field(self) -> Array:
+        """Weights of the field's velocity and of its slopes in `pose_columns`.
+
+        Shape (present, 6 + 1, 3 + slope): the velocity counts as the direction turns, the slope of
+        what is seen along an axis as the point moves along that.
+        """
+        beams = self.beams
+        found = np.zeros((len(self.weight), POSE + 1, 3 + len(self.slopes)))
+        found[:, :POSE, :3] = beams.direction_by_pose.transpose(0, 2, 1)
+        for k, (axis, _) in enumerate(self.slopes, 3):
+            found[:, :POSE, k] = np.einsum("i,nip->np", axis, beams.point_by_pose)
+            found[:, POSE, k] = beams.point_by_height @ axis
+        return found * self.weight[:, None, None]
 
 
 class Score(NamedTuple):
@@ -178,7 +186,7 @@ class JointFit:
         for _ in range(2):  # once to have a field, once with the poses taken out of it
             self.columns = {k: self._pose_columns(k) for k in self.views}
             self._solve_poses(a)
-            self.m = plain - self._by_pose @ self.shift
+            self.m = plain - self._inverse(self._across @ self.shift)
 
     def _pose_columns(self, k: int) -> Array:
         """Differentiate a view's prediction by its pose and the height, (present, 7, channel)."""
@@ -186,7 +194,7 @@ class JointFit:
 
     def places(self, k: int) -> IndexArray:
         """Find a view's pose and the height among all errors."""
-        return np.r_[POSE * k : POSE * (k + 1), len(self.prior) - 1]
+        return np.append(np.arange(POSE * k, POSE * (k + 1)), len(self.prior) - 1)
 
     def _solve_poses(self, a: dict[int, Array]) -> None:
         """Solve for the poses' errors."""
@@ -198,8 +206,9 @@ class JointFit:
             self._across[..., of] += _across(a[k], own)
             information[np.ix_(of, of)] += _inner(own, own)
             b[of] += _against(own, self.residual[k])
-        self._by_pose = self._inverse(self._across)
-        self.information = information - _inner_across(self._across, self._by_pose)
+        # (A'A)^-1 = U^-1 U^-T: half of the inverse on both sides.
+        half = self._half_inverse(self._across)
+        self.information = information - half.T @ half
         c = self.prior.T @ b - self.standard
         j = self.prior.T @ self.information @ self.prior
         self.posterior = np.linalg.inv(np.eye(len(j)) + j)
@@ -209,8 +218,18 @@ class JointFit:
 
     def _inverse(self, right: Array) -> Array:
         """Apply ``(A'A)^-1`` along the first axis."""
-        flat = scipy.linalg.cho_solve(self._factor, right.reshape(len(right), -1))
+        flat = scipy.linalg.cho_solve(
+            self._factor, right.reshape(len(right), -1), check_finite=False
+        )
         return np.asarray(flat).reshape(right.shape)
+
+    def _half_inverse(self, right: Array) -> Array:
+        """Apply ``U^-T`` of ``A'A = U'U`` along the first axis, all rows before the last one."""
+        upper, _ = self._factor
+        flat = scipy.linalg.solve_triangular(
+            upper, right.reshape(len(right), -1), trans="T", check_finite=False
+        )
+        return np.asarray(flat).reshape(-1, right.shape[-1])
 
     @property
     def poses(self) -> Array:
@@ -265,7 +284,7 @@ class JointFit:
         covariance of the poses.
         """
         a = self.field(k)
-        moves = -np.tensordot(a, self._by_pose, axes=1)
+        moves = -np.tensordot(a, self._inverse(self._across), axes=1)
         moves[..., self.places(k)] += self._pose_columns(k).transpose(0, 2, 1)
         of_field = np.einsum("nm,mn->n", a, self._inverse(a.T))
         of_poses = np.sum((moves @ self.covariance) * moves, axis=-1)
@@ -327,7 +346,13 @@ def _across(a: Array, columns: Array) -> Array:
 
 def _inner(x: Array, z: Array) -> Array:
     """Compute ``X' Z`` of columns, shape (pixel, column, channel)."""
-    return np.tensordot(x, z, axes=([0, 2], [0, 2]))
+    rows = _rows(x)
+    return np.asarray(rows @ (rows if z is x else _rows(z)).T)
+
+
+def _rows(columns: Array) -> Array:
+    """Lay out columns, shape (pixel, column, channel), as rows of all numbers."""
+    return columns.transpose(1, 0, 2).reshape(columns.shape[1], -1)
 
 
 def _inner_across(x: Array, z: Array) -> Array:
@@ -337,4 +362,4 @@ def _inner_across(x: Array, z: Array) -> Array:
 
 def _against(columns: Array, values: Array) -> Array:
     """Multiply columns, shape (pixel, column, channel), by values, shape (pixel, channel)."""
-    return np.einsum("nqc,nc->q", columns, values)
+    return np.asarray(_rows(columns) @ values.ravel())

@@ -43,6 +43,8 @@ class PixelData:
         What the design's rows are multiplied by.
     std : ndarray, shape (pixel,), m/s
         What a whitened number is multiplied by to be a velocity, at a frequency of mean noise.
+    beams : PixelBeams
+        Of those of the pixels that meet the surface from where the view is stated to stand.
     """
 
     view: View
@@ -50,10 +52,16 @@ class PixelData:
     velocity: ComplexArray
     weight: Array
     std: Array
+    beams: PixelBeams
 
 
-def pixel_data(views: Sequence[View], surface: MeasuredSurface) -> tuple[list[PixelData], bool]:
+def pixel_data(views: Sequence[View], beams: Sequence[PixelBeams]) -> tuple[list[PixelData], bool]:
     """Collect the pixels of all views that see the surface.
+
+    Parameters
+    ----------
+    beams : sequence of PixelBeams
+        Of the pixels of each view that are compared, see `compared_beams`.
 
     Returns
     -------
@@ -61,7 +69,7 @@ def pixel_data(views: Sequence[View], surface: MeasuredSurface) -> tuple[list[Pi
     bool
         True if the views state their noise; otherwise it is taken as even.
     """
-    pixels = [_chosen(view, surface) for view in views]
+    pixels = [of.pixel for of in beams]
     noise = [local_std(view, of) for view, of in zip(views, pixels, strict=True)]
     size = max((np.abs(v.velocity[p]).max(initial=0.0) for v, p in _pairs(views, pixels)))
     stated = all(n.size == 0 or n.min() > EXACT * size for n in noise)
@@ -76,8 +84,8 @@ def pixel_data(views: Sequence[View], surface: MeasuredSurface) -> tuple[list[Pi
     modes = _modes(np.concatenate(white))
     scale = np.sqrt(np.mean(by_frequency**2))  # a number only: all rows alike
     return [
-        PixelData(view, of, values @ modes, scale / a, scale * a)
-        for (view, of), values, a in zip(_pairs(views, pixels), white, by_pixel, strict=True)
+        PixelData(view, of.pixel, values @ modes, scale / a, scale * a, of)
+        for view, of, values, a in zip(views, beams, white, by_pixel, strict=True)
     ], stated
 
 
@@ -85,12 +93,11 @@ def _pairs(views: Sequence[View], pixels: Sequence[IndexArray]) -> list[tuple[Vi
     return list(zip(views, pixels, strict=True))
 
 
-def _chosen(view: View, surface: MeasuredSurface) -> IndexArray:
-    """Choose usable pixels whose beams meet the surface, evenly if they are many."""
-    usable = np.flatnonzero(view.usable)
-    met = PixelBeams.trace(view, surface, usable).pixel
-    step = max(1, int(np.ceil(len(met) / MOST_PIXELS)))
-    return met[::step]
+def compared_beams(view: View, surface: MeasuredSurface) -> PixelBeams:
+    """Trace usable pixels and choose, of those that meet the surface, evenly if they are many."""
+    met = PixelBeams.trace(view, surface, np.flatnonzero(view.usable))
+    step = max(1, int(np.ceil(len(met.pixel) / MOST_PIXELS)))
+    return met.take(np.arange(0, len(met.pixel), step))
 
 
 def local_std(view: View, pixels: IndexArray) -> Array:

@@ -24,6 +24,7 @@ from sldvexp.geometry import rotation_from_vector, vector_from_rotation
 from sldvexp.lazy import xarray as xr
 from sldvexp.pose.base import JointCovariance, pose_to_dataset
 from sldvexp.typing import Array
+from sldvexp.verdict.beams import PixelBeams
 from sldvexp.verdict.comparison import Bench, compare_views, prior_factor
 from sldvexp.verdict.diagnosis import widened
 from sldvexp.verdict.explanation import POSE
@@ -100,7 +101,7 @@ def _as_stated(
     bench: Bench, stated: Sequence[View], covariance: Array, free: Mapping[int, Sequence[int]]
 ) -> Bench:
     """Put views back to where they were stated, repaired ones without the prior that was wrong."""
-    data = [_usable(d, view) for d, view in zip(bench.data, stated, strict=True)]
+    data = [_usable(d, view, bench) for d, view in zip(bench.data, stated, strict=True)]
     prior = prior_factor(covariance, len(data), bench.surface.thickness)
     found = replace(bench, data=data, prior=prior)
     for k, numbers in free.items():
@@ -108,10 +109,11 @@ def _as_stated(
     return found
 
 
-def _usable(data: PixelData, view: View) -> PixelData:
+def _usable(data: PixelData, view: View, bench: Bench) -> PixelData:
     """Take another place of a view, and of its pixels those that have not been left out since."""
     kept = view.usable[data.pixel]
-    return PixelData(view, data.pixel[kept], data.velocity[kept], data.weight[kept], data.std[kept])
+    of = {name: getattr(data, name)[kept] for name in ("pixel", "velocity", "weight", "std")}
+    return PixelData(view, **of, beams=PixelBeams.trace(view, bench.surface, of["pixel"]))
 
 
 def _moves(stated: Sequence[View], views: Sequence[View]) -> Array:

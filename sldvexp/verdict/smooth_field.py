@@ -12,7 +12,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sldvexp.lazy import scipy
 from sldvexp.typing import Array
 
 DEGREE = 3
@@ -81,6 +80,10 @@ class SmoothField:
         ]
         return product([f for f, _ in factors]), slopes
 
+    def values(self, points: Array) -> Array:
+        """Evaluate the basis functions alone, shape (point, function)."""
+        return product([value for value, _ in self._factors(points)])
+
     def _factors(self, points: Array) -> list[Array]:
         """Evaluate splines along every axis, and their slopes, shape (2, point, spline)."""
         along = (points - self.middle) @ self.axes.T
@@ -104,16 +107,17 @@ def _knots(low: float, high: float, intervals: int) -> Array:
 
 
 def splines_on(x: Array, knots: Array) -> Array:
-    """Evaluate B-splines and their derivatives, (2, point, spline); beyond the ends, at them."""
-    if not len(x):
-        return np.zeros((2, 0, len(knots) - DEGREE - 1))
-    inside = np.clip(x, knots[0], np.nextafter(knots[-1], -np.inf))
-    splines = scipy.interpolate.BSpline
-    value = splines.design_matrix(inside, knots, DEGREE).toarray()
-    lower = splines.design_matrix(inside, knots[1:-1], DEGREE - 1).toarray()
-    # B' of degree k: k B_i / (t_i+k - t_i) - k B_i+1 / (t_i+k+1 - t_i+1), of degree k - 1
-    rise = DEGREE / (knots[DEGREE + 1 : -1] - knots[1 : -DEGREE - 1])
-    slope = np.zeros_like(value)
-    slope[:, 1:] += lower * rise
-    slope[:, :-1] -= lower * rise
-    return np.stack([value, slope])
+    """Evaluate B-splines and their derivatives, (2, point, spline); beyond the ends, at them.
+
+    With ``C_i = B_i,k-1 / (t_i+k - t_i)`` of the degree before (Cox and de Boor)
+
+        B_i,k = (x - t_i) C_i + (t_i+k+1 - x) C_i+1,    B'_i,k = k (C_i - C_i+1).
+    """
+    inside, t = np.clip(x, knots[0], np.nextafter(knots[-1], -np.inf)), knots[:, None]
+    value = ((t[:-1] <= inside) & (inside < t[1:])).astype(float)  # (spline, point)
+    for degree in range(1, DEGREE + 1):
+        span = t[degree:] - t[:-degree]
+        over = value / np.where(span > 0, span, 1.0)  # between knots that are one it is 0
+        one, other = over[:-1], over[1:]
+        value = (inside - t[: -degree - 1]) * one + (t[degree + 1 :] - inside) * other
+    return np.stack([value.T, DEGREE * (one - other).T])

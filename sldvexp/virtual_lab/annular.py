@@ -17,6 +17,7 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import Enum
+from functools import cache, lru_cache
 
 import numpy as np
 
@@ -31,6 +32,8 @@ STEP = 0.02
 RIGID = 0.3
 #: Places on the radius among which the largest motion is looked for.
 FINE = 2001
+#: Shapes that are remembered: every lab of one plate asks for the same ones.
+REMEMBERED = 256
 
 
 class EdgeCondition(Enum):
@@ -100,6 +103,7 @@ class Annulus:
     edge: EdgeCondition
     hole_edge: EdgeCondition = EdgeCondition.free
 
+    @lru_cache(maxsize=REMEMBERED)  # noqa: B019 - of few small plates, which keep nothing alive
     def shape(self, diameters: int, circles: int) -> RadialShape:
         """Find the shape of a mode, its largest motion 1.
 
@@ -141,11 +145,11 @@ class Annulus:
         shape = RadialShape(n, k, self.radius, self.hole, np.eye(4))
         rows = []
         for r, edge in ((self.radius, self.edge), (self.hole, self.hole_edge)):
-            w, slope = shape.derivative(r, 0), shape.derivative(r, 1) / k
+            w, slope, *_ = shape.derivatives(r)
             moment = shape.moment(r, self.nu) / k**2
             force = shape.edge_force(r, self.nu) / k**3
             rows += {
-                EdgeCondition.clamped: [w, slope],
+                EdgeCondition.clamped: [w, slope / k],
                 EdgeCondition.supported: [w, moment],
                 EdgeCondition.free: [moment, force],
             }[edge]
@@ -172,7 +176,11 @@ class RadialShape:
     coefficients: Array
 
     def derivative(self, r: Array | float, order: int) -> Array:
-        """Compute W (order 0) or its first, second or third derivative by r, shape (..., r).
+        """Compute W (order 0) or its first, second or third derivative by r, shape (..., r)."""
+        return self.derivatives(r)[order]
+
+    def derivatives(self, r: Array | float) -> tuple[Array, Array, Array, Array]:
+        """Compute W and its first, second and third derivative by r, each of shape (..., r).
 
         From ``W'' = -W'/r + (n^2/r^2 -+ k^2) W``, minus for J and Y, plus for I and K.
         """
@@ -182,7 +190,9 @@ class RadialShape:
         bowl = n**2 / r**2 + np.multiply.outer(sign, np.full(r.shape, self.k**2))
         second = -slope / r + bowl * w
         third = -second / r + slope / r**2 + bowl * slope - 2 * n**2 / r**3 * w
-        return np.asarray(np.tensordot(self.coefficients, [w, slope, second, third][order], 1))
+        whole = (w, slope, second, third)
+        zeroth, first, second, third = (np.tensordot(self.coefficients, of, 1) for of in whole)
+        return zeroth, first, second, third
 
     def laplacian_slope(self, r: Array | float) -> Array:
         """Compute ``(lap W)'``: lap W is -k^2 W of J and Y, k^2 W of I and K."""
@@ -192,12 +202,12 @@ class RadialShape:
 
     def moment(self, r: Array | float, nu: float) -> Array:
         """Compute the radial moment over -D."""
-        w, slope, second = (self.derivative(r, i) for i in range(3))
+        w, slope, second, _ = self.derivatives(r)
         return np.asarray(second + nu * (slope / r - self.diameters**2 * w / np.square(r)))
 
     def edge_force(self, r: Array | float, nu: float) -> Array:
         """Compute Kirchhoff's edge force over -D."""
-        w, slope = self.derivative(r, 0), self.derivative(r, 1)
+        w, slope, *_ = self.derivatives(r)
         twist = (1 - nu) * self.diameters**2 / np.square(r) * (slope - w / r)
         return np.asarray(self.laplacian_slope(r) - twist)
 
@@ -267,34 +277,50 @@ class AnnularModes(DampedModes):
         x, y = (coordinates - self.center).T
         # Beside the plate no motion is defined; inside of the hole K and Y would be infinite.
         r = np.clip(np.hypot(x, y), self.shapes[0].hole, None)
-        theta = np.arctan2(y, x)
-        c, s = np.cos(theta), np.sin(theta)
+        polar = r, np.arctan2(y, x)
 
         def none(i: int, j: int) -> Array:
             return np.zeros((len(coordinates), len(self.shapes)))
 
+        @cache
+        def radial(mode: int) -> tuple[Array, ...]:
+            return self.shapes[mode].derivatives(r)
+
         def bending(i: int, j: int) -> Array:
-            modes = zip(self.shapes, self.angle, strict=True)
-            return np.stack([_cartesian(f, a, r, theta, c, s, i, j) for f, a in modes], axis=1)
+            modes = enumerate(zip(self.shapes, self.angle, strict=True))
+            of = [_cartesian(f.diameters, radial(k), a, polar, i, j) for k, (f, a) in modes]
+            return np.stack(of, axis=1)
 
         return none, none, bending
 
 
 def _cartesian(
-    shape: RadialShape, angle: float, r: Array, theta: Array, c: Array, s: Array, i: int, j: int
+    n: int,
+    radial: tuple[Array, ...],
+    angle: float,
+    polar: tuple[Array, Array],
+    i: int,
+    j: int,
 ) -> Array:
-    """Differentiate ``W(r) cos(n (theta - angle))`` i times by x and j times by y, i + j <= 2."""
-    n = shape.diameters
+    """Differentiate ``W(r) cos(n (theta - angle))`` i times by x and j times by y, i + j <= 2.
+
+    Parameters
+    ----------
+    radial : tuple of ndarray
+        W and its derivatives at r.
+    polar : tuple of ndarray
+        r and theta of every point.
+    """
+    (w, slope, second, _), (r, theta) = radial, polar
     even, odd = np.cos(n * (theta - angle)), -n * np.sin(n * (theta - angle))
-    w = shape.derivative(r, 0)
     if i + j == 0:
         return np.asarray(w * even)
-    slope = shape.derivative(r, 1)
+    c, s = np.cos(theta), np.sin(theta)
     by_r, by_theta = slope * even, w * odd / r
     if i + j == 1:
         return np.asarray(c * by_r - s * by_theta if i else s * by_r + c * by_theta)
     # Components of the Hessian along r and theta.
-    rr = shape.derivative(r, 2) * even
+    rr = second * even
     tt = (slope / r - n**2 * w / r**2) * even
     rt = (slope / r - w / r**2) * odd
     along = {(2, 0): (c * c, s * s, -2 * c * s), (0, 2): (s * s, c * c, 2 * c * s)}

@@ -327,9 +327,8 @@ class VirtualLab:
                 f"{dac.dtype} and shape {dac.shape}"
             )
         low, high = self.mirrors.board.value
-        outside = np.argwhere((dac < low) | (dac > high))
-        if len(outside):
-            pixel, mirror = outside[0]
+        if dac.size and (dac.min() < low or dac.max() > high):
+            pixel, mirror = np.argwhere((dac < low) | (dac > high))[0]
             raise InstrumentError(
                 f"move: pixel {pixel} asks for {MIRRORS[mirror]} step {dac[pixel, mirror]}, but "
                 f"the board has {low} to {high}"

@@ -8,6 +8,7 @@ from copy import deepcopy
 from dataclasses import dataclass, field
 from types import ModuleType
 
+import omegaconf.omegaconf
 import pytest
 from hydra import version
 from hydra._internal import config_loader_impl, defaults_list
@@ -206,12 +207,30 @@ def test_nodes_are_told_what_they_are_in_and_forget_its_flags(loaders):
         assert not inner._get_flag("readonly")
 
 
+def test_texts_are_the_usual_ones(loaders):
+    whole = loaders[0].load_configuration("config", ["experiment=plate_frf"], RunMode.RUN)
+    odd = OmegaConf.create({"a": ["on", "1e3", "é °: µ", "", "- x", 40 * "long ", None, 1e-9]})
+    for config in (whole, odd):
+        usual = OmegaConf.to_yaml(config)
+        with quick_copies():
+            assert OmegaConf.to_yaml(config) == usual
+
+
+def test_what_has_no_emitter_in_c_writes_as_usual(monkeypatch):
+    monkeypatch.setattr("sldvexp.config.quick_copies._EMITTER", None)
+    with quick_copies():
+        assert OmegaConf.to_yaml(OmegaConf.create({"a": "on"})) == "a: 'on'\n"
+
+
 def test_copies_are_quick_only_for_who_asks():
     usual = DictConfig.__deepcopy__, DictConfig._re_parent
+    writer = omegaconf.omegaconf.get_omega_conf_dumper()
     with quick_copies(), quick_copies():
         assert DictConfig.__deepcopy__ is not usual[0]
         assert DictConfig._re_parent is not usual[1]
+        assert omegaconf.omegaconf.get_omega_conf_dumper() is not writer
     assert (DictConfig.__deepcopy__, DictConfig._re_parent) == usual
+    assert omegaconf.omegaconf.get_omega_conf_dumper() is writer
 
 
 def test_choices_are_known_to_defaults_that_refer_to_them(tmp_path):

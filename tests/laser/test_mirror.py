@@ -272,6 +272,9 @@ def test_all_who_ask_what_the_mirrors_reach_get_the_same_ends():
     angles = np.concatenate([ends, beyond])
     reached = [True] * 4 + [False] * 3
     assert laser.reaches(angles).tolist() == reached
+    within = laser.steps_within(angles, laser.reach)
+    assert np.isfinite(within).all(axis=1).tolist() == reached
+    np.testing.assert_array_equal(within[:2], laser.dac_from_angle(ends)[:2])
     np.testing.assert_allclose(laser.dac_from_angle(ends)[:2], [[-32768] * 2, [32767] * 2])
     for angle in beyond:
         with pytest.raises(UserError):

@@ -8,7 +8,7 @@ import pytest
 from sldvexp.geometry import KnownPose
 from sldvexp.laser import project, rays
 from sldvexp.targets import Circle, Circles, Plane, shaded_circles
-from sldvexp.targets.shadows import REST, SPAN, hidden_behind_circles, shade_told, shaded
+from sldvexp.targets.shadows import REST, SPAN, Discs, hidden_behind_circles, shade_told, shaded
 
 PLANES = {"front": Plane(), "raised": Plane(origin=[0, 0, 0.1])}
 #: The raised circle stands between the first one and an instrument on the right.
@@ -49,7 +49,7 @@ def test_a_beam_is_stopped_by_the_circle_that_it_meets_first():
     some = 0
     for _ in range(6):
         origin = np.array([rng.uniform(-1.5, 1.8), rng.uniform(-0.9, 1.1), rng.uniform(0.8, 1.6)])
-        hidden = hidden_behind_circles(origin[None], points, STEP)[0]
+        hidden = hidden_behind_circles(origin[None], points, Discs.from_circles(STEP))[0]
         first = met_first(origin, points, STEP)
         np.testing.assert_array_equal(hidden.any(axis=1), first != own)
         some += int(hidden.sum())
@@ -60,7 +60,7 @@ def test_a_raised_circle_shades_the_one_behind_it_from_one_side_only():
     assert shaded_circles(RIGHT, STEP) == {1: [2]}
     assert shaded_circles(FRONT, STEP) == {}
     assert shade_told(1, [2]).startswith("circle 1 is hidden in part by circle 2")
-    both = shaded(np.stack([FRONT, RIGHT]), STEP)
+    both = shaded(np.stack([FRONT, RIGHT]), Discs.from_circles(STEP))
     assert np.argwhere(both).tolist() == [[1, 0, 1]]
 
 
@@ -68,7 +68,9 @@ def test_a_circle_whose_edge_is_free_may_still_look_too_near_to_another():
     """Its lines go on beyond its edge and meet the hole of the other."""
     raised = Circle(0.192, 0.035, 0.05, "raised")
     near = Circles(circles=STEP.circles | {2: raised}, planes=PLANES)
-    assert not hidden_behind_circles(RIGHT[None], near.outlines().reshape(-1, 3), near).any()
+    assert not hidden_behind_circles(
+        RIGHT[None], near.outlines().reshape(-1, 3), Discs.from_circles(near)
+    ).any()
     edge = near.outlines()[1]
     ends = edge.mean(axis=0) + SPAN * (edge - edge.mean(axis=0))
     there = RIGHT + RIGHT[2] / (RIGHT[2] - 0.1) * (ends - RIGHT)  # in the plane of the first one
@@ -82,7 +84,7 @@ def test_circles_of_one_plane_never_hide_one_another():
     flat = Circles(circles={n: Circle(c.x, c.y, 0.04) for n, c in STEP.circles.items()})
     rng = np.random.default_rng(0)
     origins = rng.uniform([-2, -1, 0.3], [2, 1, 2], (50, 3))
-    assert not shaded(origins, flat).any()
+    assert not shaded(origins, Discs.from_circles(flat)).any()
 
 
 @pytest.mark.parametrize("offset", [0.0, 0.05])

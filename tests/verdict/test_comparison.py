@@ -195,3 +195,20 @@ def test_estimated_poses_are_nearer_to_the_true_ones_where_beams_hit():
         before.append(np.sqrt(np.mean((moves @ truth) ** 2)))
         after.append(np.sqrt(np.mean((moves @ (truth - fit.poses[6 * k : 6 * k + 6])) ** 2)))
     assert np.linalg.norm(after) < np.linalg.norm(before)
+
+
+def test_columns_of_a_pose_are_the_derivatives_of_what_is_predicted():
+    """But for facets, which are flat where the normals turn: of small ones less than 1e-3."""
+    on = bench(session(np.random.default_rng(5), 3, pixels=13, elements=32))
+    m = np.random.default_rng(6).normal(size=(3 * on.smooth.count, 2))
+    columns = on.as_stated[0].pose_columns(m)
+    assert on.as_stated[0].present.all()
+    for number in range(7):
+        off = np.zeros(len(on.prior))
+        off[number if number < 6 else -1] = 1e-6
+        more, less = (on.design(0, sign * off) for sign in (1, -1))
+        both = more.present & less.present
+        there = [np.flatnonzero(both[d.present]) for d in (more, less)]
+        one, other = (d.field[k] @ m for d, k in zip((more, less), there, strict=True))
+        found = (one - other) / 2e-6
+        np.testing.assert_allclose(columns[both, number], found, atol=1e-3 * np.abs(found).max())

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.interpolate import BSpline
 
 from sldvexp.geometry import rotation_from_euler
 from sldvexp.verdict.field_around import FieldAround
-from sldvexp.verdict.smooth_field import SmoothField
+from sldvexp.verdict.smooth_field import SmoothField, _knots, splines_on
 from sldvexp.volume import Grid, Revolution
 
 TURNED = {"center": [0.3, -0.2, 1.0], "euler": [0.3, 1.1, -0.7]}
@@ -52,3 +53,15 @@ def test_it_follows_waves_around_where_it_comes_back():
     wave = np.cos(3 * np.arctan2(x, z) + 0.3) * (1 + 2 * y)
     left = wave - basis @ np.linalg.lstsq(basis, wave, rcond=None)[0]
     assert np.abs(left).max() < 0.02
+
+
+@pytest.mark.parametrize("intervals", [1, 5])
+def test_splines_and_their_slopes_are_those_of_scipy(intervals):
+    knots = _knots(-0.2, 0.7, intervals)
+    x = np.r_[np.linspace(knots[0], knots[-1], 40, endpoint=False), knots[4], -3.0]
+    value, slope = splines_on(x, knots)
+    inside = np.maximum(x, knots[0])
+    for one, of_value, of_slope in zip(np.eye(len(knots) - 4), value.T, slope.T, strict=True):
+        spline = BSpline(knots, one, 3)
+        np.testing.assert_allclose(of_value, spline(inside), atol=1e-14)
+        np.testing.assert_allclose(of_slope, spline(inside, 1), atol=1e-12)

@@ -89,6 +89,12 @@ def test_roots_follow_one_another():
     assert (np.diff([s.k for s in shapes]) > 0).all()
 
 
+def test_shape_is_found_once_for_all_labs_of_a_plate():
+    one, same, other = (Annulus(RADIUS, hole, NU, HELD).shape(2, 0) for hole in (0.03, 0.03, 0.02))
+    assert same is one
+    assert other is not one
+
+
 def plate(**settings):
     modes = {
         "ring": AnnularMode(frequency=250.0),

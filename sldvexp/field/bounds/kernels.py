@@ -135,34 +135,29 @@ def influences(
     layers, corners = gaps + 1, 3 * parameters
     number = np.empty(pixels, np.int32)
     sums, both = np.empty((most, layers * corners)), np.empty(2 * corners)
-    beside = np.zeros((entries, layers, parameters))
+    found = np.zeros((entries, parameters, layers))
     for triangle in range(triangles):
         first, last = near_start[triangle], near_start[triangle + 1]
         for at in range(first, last):
             number[near[at]] = at - first
-        sums[: last - first] = 0.0
+            sums[at - first] = 0.0
         for gap in range(gaps):
-            of_gap = sums[:, gap * corners :]
             for point in range(points):
                 sample = (gap * triangles + triangle) * points + point
                 for c in range(6):
                     for p in range(parameters):
                         both[c * parameters + p] = shape[point, c] * estimator[sample, p]
                 for entry in range(start[sample], start[sample + 1]):
-                    here, w = number[pixel[entry]], weight[entry]
+                    of_both, w = sums[number[pixel[entry]], gap * corners :], weight[entry]
                     for x in range(2 * corners):
-                        of_gap[here, x] += w * both[x]
+                        of_both[x] += w * both[x]
         for at in range(first, last):
-            of_pixel = sums[at - first].reshape((layers, 3, parameters))
             for c in range(3):
+                to = found[place[at, c]]
                 for layer in range(layers):
+                    of_corner = sums[at - first, layer * corners + c * parameters :]
                     for p in range(parameters):
-                        beside[place[at, c], layer, p] += of_pixel[layer, c, p]
-    found = np.empty((entries, parameters, layers))
-    for entry in range(entries):
-        for p in range(parameters):
-            for layer in range(layers):
-                found[entry, p, layer] = beside[entry, layer, p]
+                        to[p, layer] += of_corner[p]
     return found
 
 

@@ -330,12 +330,13 @@ def colours(near: scipy.sparse.csr_array) -> IndexArray:
     near : csr_array of bool, shape (node, node)
     """
     found = np.full(near.shape[0], -1)
-    for node, (first, last) in enumerate(zip(near.indptr[:-1], near.indptr[1:], strict=True)):
-        taken = np.zeros(last - first + 2, bool)
-        others = found[near.indices[first:last]]
-        taken[others[others < len(taken)]] = True
+    ends, others = near.indptr.tolist(), near.indices
+    taken = np.zeros(int(np.diff(near.indptr).max(initial=0)) + 2, bool)
+    for node in range(len(found)):
+        taken[:] = False
+        taken[found[others[ends[node] : ends[node + 1]]]] = True
         taken[-1] = False  # where -1 pointed to
-        found[node] = np.argmin(taken)
+        found[node] = taken.argmin()
     return found
 
 

@@ -62,7 +62,7 @@ class ViewSamples:
     interpolator : Interpolator
     dac : ndarray, shape (sample, 2), steps
         Where the samples are in the image, not rounded; NaN behind the instrument and off the
-        board.
+        board. An entry of all samples is contiguous.
     lost : dict of str to int
         How many samples have no velocity, by the reason.
     """
@@ -86,7 +86,10 @@ class ViewSamples:
         ----------
         values : ndarray, shape (pixel, column)
         """
-        found, place = np.zeros((2, len(self.valid), values.shape[1])), self.located.place
+        place, count = self.located.place, len(self.valid)
+        if len(place) == count:
+            return self.interpolator.slopes(self.located, self.dac, values)
+        found = np.zeros((2, count, values.shape[1]))
         found[:, place] = self.interpolator.slopes(self.located, self.dac[place], values)
         return found
 
@@ -140,25 +143,29 @@ def project_samples(
     if occlusion is not None:
         candidates = np.flatnonzero(before & ~away)
         away[candidates] = occlusion.hides(points[candidates])
-    kept = np.flatnonzero(before & ~away)
-    weights = interpolator.at(found.dac[kept])
-    valid = np.zeros(len(points), bool)
-    valid[kept] = ~(weights.outside | weights.flagged)
+    left = before & ~away
+    if left.all():  # nothing is copied
+        weights = interpolator.at(found.dac)
+        value, located = weights.value, weights.located
+    else:
+        kept = np.flatnonzero(left)
+        weights = interpolator.at(found.dac[kept])
+        value = spread(weights.value, kept, len(points))
+        located = Located(
+            kept[weights.located.place],
+            *weights.located[1:3],
+            _among(weights.outside, kept, len(points)),
+            _among(weights.flagged, kept, len(points)),
+        )
     reasons = {
         BEHIND: found.behind,
         OFF_BOARD: found.off_board,
         FACING_AWAY: away,
-        OUTSIDE: weights.outside,
-        FLAGGED: weights.flagged,
+        OUTSIDE: located.outside,
+        FLAGGED: located.flagged,
     }
     lost = {reason: int(np.count_nonzero(where)) for reason, where in reasons.items()}
-    located = Located(
-        kept[weights.located.place],
-        *weights.located[1:3],
-        _among(weights.outside, kept, len(points)),
-        _among(weights.flagged, kept, len(points)),
-    )
-    value = spread(weights.value, kept, len(points))
+    valid = left & ~(located.outside | located.flagged)
     value.sort_indices()  # now, and not when somebody needs it: sums keep their order
     return ViewSamples(valid, found.directions, value, located, interpolator, found.dac, lost)
 
@@ -199,26 +206,21 @@ def sight(view: View, laser: TwoMirror, points: Array) -> ProjectedPoints:
         In the world.
     """
     count, own = len(points), view.laser(laser)
+    reach = own.reach
     behind, off_board = np.empty((2, count), bool)
-    found = ProjectedPoints(np.empty((count, 2)), behind, off_board, np.empty((3, count)).T)
+    found = ProjectedPoints(np.empty((2, count)).T, behind, off_board, np.empty((3, count)).T)
     for first in range(0, count, POINTS_AT_ONCE):
         some = slice(first, first + POINTS_AT_ONCE)
-        for every, here in zip(found, _sight(view, own, points[some]), strict=True):
-            every[some] = here
+        in_laser = to_laser(view, points[some])
+        angles, directions = project_with_directions(in_laser, own.mirror_offset)
+        steps = own.steps_within(angles, reach)
+        behind[some] = in_laser[:, 2] <= 0
+        if behind[some].any():
+            steps[behind[some]] = np.nan
+        off_board[some] = np.isnan(steps[:, 0]) & ~behind[some]
+        found.dac[some] = steps
+        np.matmul(view.rotation.T, directions.T, out=found.directions.T[:, some])
     return found
-
-
-def _sight(view: View, laser: TwoMirror, points: Array) -> ProjectedPoints:
-    """Project a few points by the view's own laser."""
-    in_laser = to_laser(view, points)
-    angles, directions = project_with_directions(in_laser, laser.mirror_offset)
-    low, high = laser.reach
-    behind = in_laser[:, 2] <= 0
-    off_board = ~behind & ~laser.reaches(angles)
-    dac = laser.dac_from_angle(np.clip(angles, low, high))
-    dac[behind | off_board] = np.nan
-    in_world = (view.rotation.T @ directions.T).T
-    return ProjectedPoints(dac, behind, off_board, in_world)
 
 
 def to_laser(view: View, points: Array) -> Array:

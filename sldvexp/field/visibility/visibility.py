@@ -251,6 +251,7 @@ class VolumeVisibility:
 
     def _project(self, triangles: IndexArray) -> SampleVisibility:
         position = sample_positions(self.prisms, self.rule, triangles).reshape(-1, 3)
+        position = np.ascontiguousarray(position.T).T  # as every view turns them
         frame = sample_frames(self.prisms, self.rule, triangles).reshape(-1, 3, 3)
 
         def project(k: int) -> ViewSamples:

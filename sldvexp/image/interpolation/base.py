@@ -67,7 +67,15 @@ class Located(NamedTuple):
 
 
 def spread(matrix: scipy.sparse.csr_array, rows: IndexArray, count: int) -> scipy.sparse.csr_array:
-    """Put the rows of a matrix into one with `count` rows, the others empty."""
+    """Put the rows of a matrix into one with `count` rows, the others empty.
+
+    Parameters
+    ----------
+    rows : ndarray of int, shape (row,)
+        Where each goes, ascending.
+    """
+    if len(rows) == count:
+        return matrix
     length = np.zeros(count + 1, matrix.indptr.dtype)
     length[rows + 1] = np.diff(matrix.indptr)
     start = np.cumsum(length, dtype=length.dtype)

@@ -100,22 +100,36 @@ class ImageMesh(ABC):
 
     def locate(self, places: Array) -> Located:
         """Locate places, shape (place, 2), steps: cells and weights."""
-        cell = np.empty(len(places), np.intp)
-        for first in range(0, len(places), PLACES_AT_ONCE):
-            some = slice(first, first + PLACES_AT_ONCE)
-            cell[some] = self.find(places[some])
-        inside = cell >= 0
-        flagged = inside & ~self._whole[cell]
-        flagged[~inside] = self.in_hole(places[~inside])
-        place = np.flatnonzero(inside & ~flagged)
+        count, corners = len(places), self._corners
+        outside, flagged = np.zeros((2, count), bool)
         # Of the kind of all weights' indices: they are kept as long as what is seen.
-        corner = np.empty((len(place), self.cells.shape[1]), np.int32)
+        corner = np.empty((count, corners.shape[1]), np.int32)
         weight = np.empty(corner.shape)
-        for first in range(0, len(place), PLACES_AT_ONCE):
+        place, last = np.empty(count, np.intp), 0
+        for first in range(0, count, PLACES_AT_ONCE):
             some = slice(first, first + PLACES_AT_ONCE)
-            corner[some] = self.cells.take(cell[place[some]], axis=0)
-            weight[some] = self.weights(corner[some], places[place[some]])
-        return Located(place, corner, weight, ~inside & ~flagged, flagged)
+            here = places[some]
+            cell = self.find(here)
+            inside = cell >= 0
+            good = inside & self._whole[cell]
+            if not good.all():
+                flagged[some] = inside & ~good
+                flagged[first + np.flatnonzero(~inside)] = self.in_hole(here[~inside])
+                outside[some] = ~inside & ~flagged[some]
+                cell, here = cell[good], here[good]
+            found = slice(last, last + len(cell))
+            last = found.stop
+            place[found] = first + np.flatnonzero(good)
+            corner[found] = corners.take(cell, axis=0)
+            weight[found] = self.weights(corner[found], here)
+        if last < count:
+            place, corner, weight = place[:last].copy(), corner[:last].copy(), weight[:last].copy()
+        return Located(place, corner, weight, outside, flagged)
+
+    @cached_property
+    def _corners(self) -> NDArray[np.int32]:
+        """Corners of the cells, of the kind of all weights' indices."""
+        return np.asarray(self.cells, np.int32)
 
     @cached_property
     def _whole(self) -> BoolArray:
@@ -406,10 +420,12 @@ def _cell_coordinates(corners: Array, places: Array) -> tuple[Array, Array]:
 
 def _interval(axis: Array, x: Array) -> tuple[IndexArray, BoolArray]:
     """Find the interval of a monotonic axis that holds each x, and whether none does."""
-    way = np.sign(axis[-1] - axis[0])
-    k = np.searchsorted(way * axis, way * x, side="right") - 1
-    beside = (way * x < way * axis[0]) | (way * x > way * axis[-1])
-    return np.clip(k, 0, len(axis) - 2), beside
+    if axis[-1] < axis[0]:
+        axis, x = -axis, -x
+    k = np.searchsorted(axis, x, side="right") - 1
+    last = len(axis) - 1
+    beside = (k < 0) | ((k == last) & (x > axis[-1]))
+    return np.clip(k, 0, last - 1, out=k), beside
 
 
 def _block(number: IndexArray, size: int, width: int) -> IndexArray:
