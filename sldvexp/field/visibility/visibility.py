@@ -60,7 +60,7 @@ class SampleVisibility:
         """Samples that a view has a velocity of, shape (sample, view)."""
         return np.stack([s.valid for s in self.by_view]).T
 
-    @property
+    @cached_property
     def directions(self) -> Array:
         """Direction cosines in world axes, shape (sample, view, 3); the samples are contiguous."""
         return np.moveaxis(np.stack([s.directions.T for s in self.by_view]), -1, 0)
