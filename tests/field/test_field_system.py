@@ -158,6 +158,42 @@ def test_condition_numbers(
     np.testing.assert_allclose(rcond, 1 / np.linalg.cond(dense, 1), rtol=0.02)
 
 
+def test_a_start_that_misleads_hides_no_eigenvalue() -> None:
+    """Near the eigenvector of another value it is as good as any for what it has nothing of."""
+    rng = np.random.default_rng(5)
+    axes = np.linalg.qr(rng.normal(size=(300, 300)))[0]
+    matrix = (axes * np.append(np.linspace(0, 1, 299), 9.0)) @ axes.T
+    misleading = axes @ np.append(1e-4 * rng.normal(size=298), [1.0, 0.0])
+    for near in (misleading, axes[:, -1]):
+        value, vector = conditioning._largest(lambda x: matrix @ x, 300, near)
+        np.testing.assert_allclose(value, 9, rtol=1e-5)
+        assert abs(vector @ axes[:, -1]) > 0.99
+
+
+@pytest.mark.parametrize("size", [1e3, 1e-3])
+def test_the_lowest_vector_is_near_that_of_the_matrix(
+    make_plate: Make, six_points: SampleRule, size: float
+) -> None:
+    """Few solutions are enough from there."""
+    prisms, rng = make_plate((6, 5), 3), np.random.default_rng(4)
+    samples = prisms.gaps * len(prisms.triangles) * 6
+    system = assembled(prisms, six_points, size * rng.uniform(1, 1.5, samples)[:, None, None])
+    dense, near = system.matrix().toarray(), conditioning._lowest_vector(system)
+    assert np.linalg.norm(near) == pytest.approx(1)
+    assert abs(near @ np.linalg.eigh(dense)[1][:, 0]) > 0.5
+    counts = []
+    for start in (None, near):
+        solved: list[int] = []
+
+        def solve(x: np.ndarray, solved: list[int] = solved) -> np.ndarray:
+            solved.append(1)
+            return np.linalg.solve(dense, x)
+
+        conditioning._largest(solve, len(dense), start)
+        counts.append(len(solved))
+    assert counts[1] <= counts[0] / 2
+
+
 @pytest.mark.parametrize(("triangle", "line"), [(1, 2), (3, 1)])
 def test_too_few_samples(make_plate: Make, triangle: int, line: int) -> None:
     prisms, rule = make_plate((3, 2), 3), tensor_rule(triangle, line)
@@ -283,3 +319,5 @@ def test_patch_is_the_matrix_of_basis_functions(make_plate: Make, six_points: Sa
     by_layer = nodal.reshape(3, -1, 2)
     np.testing.assert_allclose(patch.at_samples(by_layer), basis @ nodal, atol=1e-14)
     np.testing.assert_allclose(patch.to_nodes(samples).reshape(-1, 2), basis.T @ samples)
+    ones = patch.to_nodes(np.ones((len(samples), 1)))
+    np.testing.assert_allclose(patch.ones_to_nodes(), ones, rtol=1e-14)

@@ -138,7 +138,7 @@ class EquationSums:
         self.assembly.add(part.patch, at.information)
         for right, data in zip(self.right, self.data, strict=True):
             right[:, nodes] += _right_side(part, data)
-        whole = part.patch.to_nodes(np.ones((len(part.samples.position), 1)))
+        whole = part.patch.ones_to_nodes()
         self.whole[:, nodes] += whole
         ranked = _ranked(at, part.model.parameters)
         self.determined = self.determined and at.pointwise.determined

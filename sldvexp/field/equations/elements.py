@@ -149,6 +149,14 @@ class Patch:
         flat = sums.reshape(self.layers, triangles * 3, columns)
         return np.stack([self.gather @ layer for layer in flat])
 
+    def ones_to_nodes(self) -> Array:
+        """Sum as `to_nodes` does where every sample has 1, shape (layer, patch_node, 1)."""
+        found = np.zeros((self.layers, len(self.nodes), 1))
+        of_prism = self.shape.sum(axis=0).reshape(2, 3)
+        for layers, of_triangle in zip((found[:-1], found[1:]), of_prism, strict=True):
+            layers += (self.gather @ np.tile(of_triangle, len(self.triangles)))[:, None]
+        return found
+
     def gap_to_nodes(self, samples: Array) -> Array:
         """Sum as `to_nodes` does over a gap's samples, which are last: (m, sample) to (2, node, m).
 

@@ -166,7 +166,7 @@ class RegionSamples:
         here = slice(None) if gap is None else slice(gap * count, (gap + 1) * count)
         found = np.empty((len(data), data[0].shape[1], count))
         for k, (of_view, d) in enumerate(zip(self.samples.by_view, data, strict=True)):
-            weights = of_view.weights if gap is None else of_view.weights[here]
+            weights = of_view.weights if gap is None else _rows(of_view.weights, here)
             found[k] = (weights @ d).T
         return found
 
@@ -186,6 +186,14 @@ class RegionSamples:
         nodal = theta[:, self.patch.nodes]
         values = self.patch.at_samples(nodal.reshape(*nodal.shape[:2], -1))
         return values.reshape(-1, *nodal.shape[2:])
+
+
+def _rows(matrix: scipy.sparse.csr_array, here: slice) -> scipy.sparse.csr_array:
+    """Take some rows that follow one another, with the matrix's own memory."""
+    start = matrix.indptr[here.start : here.stop + 1]
+    entries = slice(start[0], start[-1])
+    rows = matrix.data[entries], matrix.indices[entries], start - start[0]
+    return scipy.sparse.csr_array(rows, shape=(len(start) - 1, matrix.shape[1]))
 
 
 @dataclass(eq=False)

@@ -86,7 +86,7 @@ class PoseSlopes:
         for i, j, k in CYCLES:
             found[:, i] = p[j] * a[:, k] - p[k] * a[:, j]
         found[:, 3:] = -self.rotation.T @ a
-        return np.where(self.known, found, 0.0)
+        return self._where_known(found)
 
     def dac(self) -> Array:
         """Differentiate image points, shape (mirror, 6, sample), steps/rad and steps/m."""
@@ -94,7 +94,7 @@ class PoseSlopes:
 
     def directions(self) -> Array:
         """Differentiate directions D, shape (3, 6, sample), 1/rad and 1/m."""
-        n, angles, d = self.by_angle, self.angles(), np.where(self.known, self.direction, 0.0)
+        n, angles, d = self.by_angle, self.angles(), self._where_known(self.direction)
         turned = np.stack([n[0, i] * angles[0] + n[1, i] * angles[1] for i in range(3)])
         for i, j, k in CYCLES:
             turned[j, i] += d[k]
@@ -129,4 +129,8 @@ class PoseSlopes:
         for i, j, k in CYCLES:
             found[i] = p[j] * g[k] - p[k] * g[j] - d[j] * c[k] + d[k] * c[j]
         found[3:] = -(self.rotation.T @ g.reshape(3, -1)).reshape(g.shape)
-        return np.where(self.known, found, 0.0)
+        return self._where_known(found)
+
+    def _where_known(self, found: Array) -> Array:
+        """Put zeros where there is no image point; mostly there is one everywhere."""
+        return found if self.known.all() else np.where(self.known, found, 0.0)
