@@ -152,7 +152,8 @@ def test_four_times_the_nodes(
 
     The largest is told and not judged: with 650,000 samples it is more than is kept in memory at
     once, so that it goes in parts. Their samples are looked at twice, for the equations and for
-    the bounds; measured 2.4 and 4.5 times as much without compiled kernels, 3.4 and 5.0 with them.
+    the bounds; measured 2.5 and 3.8 times as much without compiled kernels, 2.8 to 3.2 and 4.3 to
+    4.8 with them.
     """
     monkeypatch.setattr(compiled, "WORTHWHILE", sys.maxsize if path == "numpy" else 0)
     small = make_looks((18, 18), 20)  # of more unknowns than are inverted as a whole
