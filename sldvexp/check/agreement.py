@@ -103,7 +103,8 @@ def _misfit(looks: VolumeVisibility, triangles: IndexArray) -> tuple[Array, Arra
     weight = 1 / std[everywhere][..., None]
     design = look.directions[everywhere] * weight
     data = velocity[everywhere] * weight
-    left = data - design @ (np.linalg.pinv(design) @ data)
+    across = design.swapaxes(1, 2)  # of three columns, which takes half the time
+    left = data - design @ (np.linalg.pinv(across @ design, hermitian=True) @ (across @ data))
     squares[everywhere] = np.sum(np.abs(left) ** 2, axis=(1, 2))
     each = 2 * (len(looks.views) - 3) * velocity.shape[2]
     each_sample = squares, each * everywhere.astype(float)

@@ -7,11 +7,12 @@ from __future__ import annotations
 
 import inspect
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields, is_dataclass
 from enum import Enum
 from functools import lru_cache
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, TypeGuard, get_args, get_origin, get_type_hints
 
 import yaml
@@ -21,6 +22,9 @@ from sldvexp.config import registry
 
 #: Bytes in which the comment at the beginning of a file must end.
 MOST_OF_COMMENT = 2**14
+#: Writer of values, in C where PyYAML has it, and characters of a line that never ends.
+DUMPER: Any = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
+WIDE = 2**31 - 1
 
 
 def of_file(file: Path) -> str:
@@ -106,7 +110,7 @@ class Parameter:
     meaning: str
 
 
-def parameters_of(plugin: type, values: dict[str, Any], above: str = "") -> Iterator[Parameter]:
+def parameters_of(plugin: type, values: Mapping[str, Any], above: str = "") -> Iterator[Parameter]:
     """Yield all fields of a plugin, those of tables below them.
 
     Parameters
@@ -158,7 +162,8 @@ def _plain_as_yaml(value: bool | int | str | None) -> str:
 
 
 def _dumped(value: Any) -> str:
-    text: str = yaml.safe_dump(value, default_flow_style=True, width=float("inf"), sort_keys=False)
+    look: Any = {"default_flow_style": True, "width": WIDE, "sort_keys": False}
+    text: str = yaml.dump(value, Dumper=DUMPER, **look)
     return text.removesuffix("\n").removesuffix("\n...")
 
 
@@ -206,7 +211,8 @@ def _is_table(hint: Any) -> TypeGuard[type]:
     return inspect.isclass(hint) and is_dataclass(hint)
 
 
-def _defaults(entry: type) -> dict[str, Any]:
+@lru_cache(maxsize=256)
+def _defaults(entry: type) -> Mapping[str, Any]:
     """Find what an entry's fields are if nothing is said."""
     values: Any = OmegaConf.to_container(OmegaConf.structured(entry), enum_to_str=True)
-    return dict(values)
+    return MappingProxyType(values)

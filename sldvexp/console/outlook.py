@@ -413,11 +413,12 @@ def rims(triangles: IntArray) -> list[IntArray]:
     [[0, 1, 3, 2]]
     """
     edges = np.concatenate([triangles[:, [a, b]] for a, b in ((0, 1), (1, 2), (2, 0))])
-    known = {(int(a), int(b)) for a, b in edges}
+    count = int(edges.max(initial=0)) + 1
+    ahead, back = edges @ [count, 1], edges @ [1, count]  # a number for each edge and its reverse
+    alone = np.unique(ahead[~np.isin(ahead, back)])
     following: dict[int, list[int]] = defaultdict(list)
-    for a, b in sorted(known):
-        if (b, a) not in known:
-            following[a].append(b)
+    for a, b in zip(*(of.tolist() for of in divmod(alone, count)), strict=True):
+        following[a].append(b)
     loops = []
     while following:
         start = min(following)

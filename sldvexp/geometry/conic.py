@@ -254,24 +254,33 @@ def signed_distance(points: ArrayLike, parameters: ArrayLike) -> tuple[Array, Ar
     """
     p = np.asarray(parameters, float)
     axes, directions = principal_axes(p)
-    a, b = axes[..., :1], axes[..., 1:]
     local = (np.asarray(points, float) - p[..., None, :2]) @ directions
-    # on an axis the root may hide at a pole
-    x, y = np.maximum(np.abs(local[..., 0]), 1e-8 * a), np.maximum(np.abs(local[..., 1]), 1e-8 * b)
-    least = np.maximum(a * x - a**2, b * y - b**2)
-    squares, t = ((a * x) ** 2, (b * y) ** 2), np.zeros_like(x)
+    # Both coordinates of all points together, (2, ..., n): of few points calls take most time.
+    own, place = np.empty((2, *axes.shape[:-1], 1)), np.empty((2, *local.shape[:-1]))
+    for k in range(2):
+        own[k, ..., 0] = axes[..., k]
+        np.abs(local[..., k], out=place[k])
+    np.maximum(place, 1e-8 * own, out=place)  # on an axis the root may hide at a pole
+    scaled, square = own * place, own**2
+    least = scaled - square
+    least = np.maximum(least[0], least[1])
+    scaled *= scaled
+    t = np.zeros_like(least)
     for _ in range(FOOT_ITERATIONS):
-        by_a, by_b = 1.0 / (t + a**2), 1.0 / (t + b**2)
-        of_a, of_b = squares[0] * by_a**2, squares[1] * by_b**2
-        total = of_a + of_b
-        step = total * (np.sqrt(total) - 1.0) / (of_a * by_a + of_b * by_b)
+        by = 1.0 / (t + square)
+        of = scaled * by * by
+        total = of[0] + of[1]
+        of *= by
+        step = total * (np.sqrt(total) - 1.0) / (of[0] + of[1])
         t = np.maximum(t + step, least)
-        if np.all(np.abs(step) * by_b <= FOOT_SETTLED):
+        if (np.abs(step) * by[1]).max(initial=0.0) <= FOOT_SETTLED:
             break
-    gradient = np.stack([x / (t + a**2), y / (t + b**2)], axis=-1)
-    length = np.sqrt(gradient[..., 0] ** 2 + gradient[..., 1] ** 2)
-    normal = (np.copysign(gradient, local) / length[..., None]) @ np.swapaxes(directions, -1, -2)
-    return t * length, normal
+    gradient = place / (t + square)
+    length = np.sqrt(gradient[0] * gradient[0] + gradient[1] * gradient[1])
+    gradient /= length
+    for k in range(2):
+        np.copysign(gradient[k], local[..., k], out=local[..., k])
+    return t * length, local @ directions.swapaxes(-1, -2)
 
 
 def distance_jacobian(normal: ArrayLike, parameters: ArrayLike) -> Array:

@@ -135,6 +135,18 @@ def fit_profiles(
     )
 
 
+def fit_places(along: Array, magnitude: Array, start: Array, pitch: Array) -> tuple[Array, Array]:
+    """Fit edge and width alone to rows of which every pixel counts alike, shape (n,) each.
+
+    Parameters
+    ----------
+    along, magnitude, start, pitch
+        As of `fit_profiles`.
+    """
+    numbers, _ = _least_squares(along, magnitude, np.ones_like(magnitude), start, pitch)
+    return numbers[:, 0], np.exp(numbers[:, 1])
+
+
 def _of_edge(rows: Array) -> tuple[Array, Array]:
     """Compute standard error of the first of four numbers, and its derivative by what was weighed.
 

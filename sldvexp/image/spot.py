@@ -24,7 +24,7 @@ import numpy as np
 
 from sldvexp.geometry import conic
 from sldvexp.geometry.blurred_disc import part_of_disc
-from sldvexp.image.edge_profile import fit_profiles
+from sldvexp.image.edge_profile import fit_places
 from sldvexp.statistics import NORMAL_MEDIAN
 from sldvexp.typing import Array
 
@@ -95,10 +95,10 @@ def seen_edges(
     seen = part_of_disc((points - parameters[:2]) @ to_disc.T, light, NODES)
     start = np.stack([np.zeros_like(width), np.log(width), seen[:, 0], seen[:, -1]], axis=-1)
     pitch = along[:, 1] - along[:, 0]
-    found = fit_profiles(along, seen, seen, np.ones_like(seen), start, pitch)
+    edge, wide = fit_places(along, seen, start, pitch)
     # Of a line that hardly crosses the ellipse no profile tells where.
-    offset = np.clip(found.edge, -MOST_ASIDE * width, MOST_ASIDE * width)
-    return offset, np.clip(found.width / width, 1.0 / WIDENED, WIDENED)
+    offset = np.clip(edge, -MOST_ASIDE * width, MOST_ASIDE * width)
+    return offset, np.clip(wide / width, 1.0 / WIDENED, WIDENED)
 
 
 def spot_of_widths(width: Array, std: Array, normal: Array) -> Array:

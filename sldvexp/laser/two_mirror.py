@@ -200,10 +200,11 @@ class TwoMirror:
     @property
     def reach(self) -> tuple[Array, Array]:
         """Smallest and largest angle of each mirror, shape (mirror,), rad."""
-        ends = self.angle_from_dac(np.array([[step, step] for step in self.board.value]))
+        u = np.array(self.board.value) / self.board.value[1]
+        ends = np.stack([self._angle(name, u) for name in MIRRORS], axis=1)
         return ends.min(axis=0), ends.max(axis=0)
 
-    def reaches(self, angle: Array, share: float = 1.0) -> BoolArray:
+    def reaches(self, angle: Array, share: Array | float = 1.0) -> BoolArray:
         """Tell which angles the mirrors can be sent to, shape (...).
 
         The ends of the board belong to it, since a beam can be sent there, and so does what lies
@@ -214,7 +215,7 @@ class TwoMirror:
         ----------
         angle : ndarray, shape (..., 2), rad
             NaN, as of a point behind the instrument, is not reached.
-        share : float
+        share : float or ndarray, broadcastable to (..., 1)
             Part of the range around its middle that counts.
 
         Examples

@@ -15,7 +15,7 @@ from functools import cached_property
 import numpy as np
 
 from sldvexp.errors import UserError
-from sldvexp.models.slopes import recovered_gradients
+from sldvexp.models.slopes import NodalSlopes
 from sldvexp.typing import Array, IntArray
 from sldvexp.volume import TriangulatedSurface, vertex_normals
 
@@ -100,12 +100,16 @@ class FiniteElementModel:
         across = np.einsum("ndcm,nc->ndm", self._recovered, self.normal)
         off = -self.change_of_normal - across
         of_middle = self._recovered + np.einsum("ndm,nc->ndcm", off, self.normal)
-        return of_middle, recovered_gradients(self.position, self.normal, self.change_of_normal)
+        return of_middle, self._slopes.gradients(self.change_of_normal)
+
+    @cached_property
+    def _slopes(self) -> NodalSlopes:
+        return NodalSlopes.on(self.position, self.normal)
 
     @cached_property
     def _recovered(self) -> Array:
         """Gradient of the translation from the nodes alone, shape (node, 3, component, mode)."""
-        return recovered_gradients(self.position, self.normal, self.translation)
+        return self._slopes.gradients(self.translation)
 
     def motion(self, height: float) -> Array:
         """Compute the motion at a height above the elements, shape (node, 3, mode)."""

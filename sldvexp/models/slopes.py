@@ -7,10 +7,12 @@ differ, have no say.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from sldvexp.lazy import scipy
-from sldvexp.typing import Array
+from sldvexp.typing import Array, IntArray
 
 #: Order of the polynomial by the least number of nodes of a surface, and neighbours of the fit.
 ORDERS = ((60, 4, 28), (20, 3, 18), (9, 2, 9), (0, 1, 5))
@@ -33,28 +35,60 @@ def tangents(normal: Array) -> Array:
     return np.stack([first, np.cross(normal, first)], axis=-2)
 
 
-def recovered_gradients(position: Array, normal: Array, values: Array) -> Array:
-    """Differentiate values at nodes along the surface.
+@dataclass(frozen=True, eq=False)
+class NodalSlopes:
+    """Slopes at the nodes of a surface, linear in what is given there.
 
-    Parameters
+    Attributes
     ----------
-    position : ndarray, shape (node, 3), m
-    normal : ndarray, shape (node, 3)
-    values : ndarray, shape (node, component, mode)
-
-    Returns
-    -------
-    ndarray, shape (node, 3, component, mode), 1/m
-        Along the world's axes; zero along the normal.
-
-    Examples
-    --------
-    >>> x, y = (axis.ravel() for axis in np.meshgrid(np.arange(5.0), np.arange(5.0)))
-    >>> flat = np.stack([x, y, 0 * x], axis=1)
-    >>> up = np.tile([0.0, 0.0, 1.0], (25, 1))
-    >>> recovered_gradients(flat, up, (x * y)[:, None, None])[7, :, 0, 0].round(9).tolist()
-    [1.0, 2.0, 0.0]
+    near : ndarray of int, shape (node, neighbour)
+    share : ndarray, shape (node, 2, neighbour), 1/m
+        Of each neighbour's value in the slopes along both tangents.
+    plane : ndarray, shape (node, 2, 3)
+        The tangents.
     """
+
+    near: IntArray
+    share: Array
+    plane: Array
+
+    @classmethod
+    def on(cls, position: Array, normal: Array) -> NodalSlopes:
+        """Fit the polynomials of a surface.
+
+        Parameters
+        ----------
+        position : ndarray, shape (node, 3), m
+        normal : ndarray, shape (node, 3)
+        """
+        return cls(*_fitted(position, normal))
+
+    def gradients(self, values: Array) -> Array:
+        """Differentiate values at nodes along the surface.
+
+        Parameters
+        ----------
+        values : ndarray, shape (node, component, mode)
+
+        Returns
+        -------
+        ndarray, shape (node, 3, component, mode), 1/m
+            Along the world's axes; zero along the normal.
+
+        Examples
+        --------
+        >>> x, y = (axis.ravel() for axis in np.meshgrid(np.arange(5.0), np.arange(5.0)))
+        >>> flat = np.stack([x, y, 0 * x], axis=1)
+        >>> slopes = NodalSlopes.on(flat, np.tile([0.0, 0.0, 1.0], (25, 1)))
+        >>> slopes.gradients((x * y)[:, None, None])[7, :, 0, 0].round(9).tolist()
+        [1.0, 2.0, 0.0]
+        """
+        own = np.einsum("nak,nkcm->nacm", self.share, values[self.near])
+        return np.asarray(np.einsum("nad,nacm->ndcm", self.plane, own))
+
+
+def _fitted(position: Array, normal: Array) -> tuple[IntArray, Array, Array]:
+    """Find neighbours, their shares in the linear terms, and the tangents."""
     order, count = next((o, n) for least, o, n in ORDERS if len(position) >= least)
     count = min(count, len(position))
     _, near = scipy.spatial.KDTree(position).query(position, k=count)
@@ -68,6 +102,4 @@ def recovered_gradients(position: Array, normal: Array, values: Array) -> Array:
     alike = np.einsum("nkd,nd->nk", normal[near], normal) > ALIKE
     weight = alike / (0.3 + x**2 + y**2)  # nearer neighbours tell more of the slope
     inverse = np.linalg.pinv(weight[..., None] * terms, rcond=1e-9)
-    slope = inverse[:, 1:3] * (weight / size[:, None])[:, None]  # of x, then of y
-    own = np.einsum("nak,nkcm->nacm", slope, values[near])
-    return np.asarray(np.einsum("nad,nacm->ndcm", plane, own))
+    return near, inverse[:, 1:3] * (weight / size[:, None])[:, None], plane  # of x, then of y

@@ -13,6 +13,7 @@ last.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import lru_cache
 
 import numpy as np
 
@@ -106,11 +107,17 @@ def most_likely_unknowns(
     steps : ndarray, shape (unknown,)
         Typical uncertainties.
     """
+
+    @lru_cache(maxsize=1)
+    def projected(unknowns: bytes) -> VariableProjection:
+        """Project once for the residual and, if the step is taken, for the Jacobian."""
+        return project(np.frombuffer(unknowns))
+
     low, high = bounds
     solution = scipy.optimize.least_squares(
-        lambda unknowns: project(unknowns).residual.ravel(),
+        lambda unknowns: projected(unknowns.tobytes()).residual.ravel(),
         np.clip(start, low + 1e-9, high - 1e-9),
-        lambda unknowns: project(unknowns).jacobian(whole=True),
+        lambda unknowns: projected(unknowns.tobytes()).jacobian(whole=True),
         bounds=bounds,
         x_scale=steps,
         xtol=1e-14,

@@ -2,8 +2,8 @@
 
 A limit is active if stands that may go beyond it do so and lower what was asked for. Each is
 loosened alone, by a step that a bench may allow, and the planned stands are moved on from where
-they are (`sldvexp.planner.search.move`), which is much quicker than a search from the beginning and
-tells nearly the same.
+they are in all of these rooms together (`sldvexp.planner.search.move_in_rooms`), which is much
+quicker than searches from the beginning and tells nearly the same.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from sldvexp.config.planning import PlanRoom
 from sldvexp.planner.criterion import Goal, covariance_of
 from sldvexp.planner.images import Stand
 from sldvexp.planner.place import OBLIQUE, Place, StandExamination
-from sldvexp.planner.search import move
+from sldvexp.planner.search import move_in_rooms
 from sldvexp.typing import Array
 
 #: Steps by which a limit is loosened: of the room's sides, m; of distances, as a part; deg.
@@ -76,11 +76,13 @@ def active_limits(
     def bound(found: StandExamination) -> float:
         return goal.of(covariance_of(np.concatenate([begun, found.looks])))
 
-    now, found = bound(stands), []
-    for setting, before, room in _loosened(place.room):
-        rng = np.random.default_rng(seed)
-        moved = move(goal, replace(place, room=room), stands, least, begun, rng)
-        found.append(ActiveLimit(f"plan.room.{setting}", before, 1 - bound(moved) / now))
+    now, (settings, before, rooms) = bound(stands), zip(*_loosened(place.room), strict=True)
+    rngs = [np.random.default_rng(seed) for _ in rooms]
+    each = move_in_rooms(goal, place, rooms, stands, least, begun, rngs)
+    found = [
+        ActiveLimit(f"plan.room.{setting}", was, 1 - bound(moved) / now)
+        for setting, was, moved in zip(settings, before, each, strict=True)
+    ]
     active = [limit for limit in found if limit.gain > WORTH]
     return sorted(active, key=lambda limit: -limit.gain)[:MOST_TOLD]
 

@@ -24,6 +24,7 @@ from sldvexp.geometry import golden_sphere
 from sldvexp.laser import TwoMirror
 from sldvexp.lazy import scipy
 from sldvexp.planner.marks import TargetMarks
+from sldvexp.planner.stand_limits import StandLimits
 from sldvexp.planner.structure import Structure, crosses
 from sldvexp.planner.turning import angles_of
 from sldvexp.scan import Scan
@@ -218,33 +219,43 @@ class Place:
         """Keep so many nodes as stands are compared on, spread over the surface."""
         return self.with_nodes(of_search(self.nodes))
 
-    def examine(self, origins: Array, rotations: Array) -> StandExamination:
-        """Find what each stand sees, and why not the rest."""
+    def examine(
+        self, origins: Array, rotations: Array, limits: StandLimits | None = None
+    ) -> StandExamination:
+        """Find what each stand sees, and why not the rest.
+
+        Parameters
+        ----------
+        limits : StandLimits, optional
+            In place of those of the room, here and in what this asks.
+        """
         way = origins[:, None] - self.nodes[None]
         directions = way / np.linalg.norm(way, axis=-1, keepdims=True)
         why = np.zeros(directions.shape[:2], np.int64)
-        for reason, lost in self.losses(origins, rotations).items():
+        for reason, lost in self.losses(origins, rotations, limits).items():
             why[lost & (why == 0)] = reason
         refused = np.zeros(len(origins), np.int64)
-        for reason, out in self.refusals(origins, rotations).items():
+        for reason, out in self.refusals(origins, rotations, limits).items():
             refused[out & (refused == 0)] = reason
         if self.clearance is not None:
             self._hide(origins, rotations, why, refused)
         return StandExamination(origins, rotations, directions, why, refused)
 
-    def losses(self, origins: Array, rotations: Array) -> dict[Unseen, BoolArray]:
+    def losses(
+        self, origins: Array, rotations: Array, limits: StandLimits | None = None
+    ) -> dict[Unseen, BoolArray]:
         """Find the nodes that each limit costs each stand, (stand, node); the first counts."""
+        limits = limits or StandLimits.from_room(self.room)
         way = origins[:, None] - self.nodes[None]
         distance = np.linalg.norm(way, axis=-1)
-        nearest, farthest = self.room.distance or (0.0, np.inf)
         cosine = np.einsum("sni,ni->sn", way, self.frame[:, 2]) / distance
         cosine = np.abs(cosine) if self.both_sides else cosine
         found = {
             Unseen.behind: cosine <= 0,
-            Unseen.incidence: cosine < np.cos(np.radians(self.room.incidence)),
-            Unseen.near: distance < nearest,
-            Unseen.far: distance > farthest,
-            Unseen.mirrors: self._beyond(origins, rotations, self.nodes),
+            Unseen.incidence: cosine < np.cos(np.radians(limits.incidence)),
+            Unseen.near: distance < limits.nearest,
+            Unseen.far: distance > limits.farthest,
+            Unseen.mirrors: self._beyond(origins, rotations, self.nodes, limits),
         }
         return found | {
             Unseen.blocked: self._blocked(origins, self.nodes),
@@ -256,23 +267,25 @@ class Place:
         """Largest angle between a beam and the normal of a circle, deg."""
         return min(self.room.incidence, OBLIQUE)
 
-    def refusals(self, origins: Array, rotations: Array) -> dict[Unseen, BoolArray]:
+    def refusals(
+        self, origins: Array, rotations: Array, limits: StandLimits | None = None
+    ) -> dict[Unseen, BoolArray]:
         """Find the stands that each limit refuses as a whole, (stand,); the first counts.
 
         What the structure hides is found of stands that nothing else refuses.
         """
-        marks = self.marks
+        marks, limits = self.marks, limits or StandLimits.from_room(self.room)
         found = {
-            **self.refusals_of_room(origins),
-            Unseen.target_incidence: self.too_oblique(origins),
+            **self.refusals_of_room(origins, limits),
+            Unseen.target_incidence: self.too_oblique(origins, limits),
             Unseen.target_mirrors: np.asarray(
-                self._beyond(origins, rotations, marks.position).any(axis=1)
+                self._beyond(origins, rotations, marks.position, limits).any(axis=1)
             ),
             Unseen.target_blocked: np.asarray(self._blocked(origins, marks.position).any(axis=1)),
             Unseen.target_hidden: marks.hide_themselves(origins),
             Unseen.rim_behind_target: np.asarray(marks.hides(origins, self.outline).any(axis=1)),
             Unseen.region_mirrors: np.asarray(
-                self._beyond(origins, rotations, self.region).any(axis=1)
+                self._beyond(origins, rotations, self.region, limits).any(axis=1)
             ),
         }
         rest = np.flatnonzero(~np.any(list(found.values()), axis=0))
@@ -280,33 +293,37 @@ class Place:
         hidden[rest] = marks.too_few(marks.hidden_by(self.structure, origins[rest]))
         return found | {Unseen.target_behind_structure: hidden}
 
-    def too_oblique(self, origins: Array) -> BoolArray:
+    def too_oblique(self, origins: Array, limits: StandLimits | None = None) -> BoolArray:
         """Tell from which stands a circle is too oblique, however they are turned, (stand,)."""
-        marks = self.marks
+        marks, limits = self.marks, limits or StandLimits.from_room(self.room)
         way = origins[:, None] - marks.position[None]
         cosine = np.einsum("smi,mi->sm", way, marks.normal) / np.linalg.norm(way, axis=-1)
         faces = np.any(marks.normal != 0, axis=1)
-        oblique = (cosine < np.cos(np.radians(self.incidence_of_circles))) & faces
+        largest = np.minimum(limits.incidence, OBLIQUE)
+        oblique = (cosine < np.cos(np.radians(largest))) & faces
         return np.asarray(oblique.any(axis=1))
 
-    def refusals_of_room(self, origins: Array) -> dict[Unseen, BoolArray]:
+    def refusals_of_room(
+        self, origins: Array, limits: StandLimits | None = None
+    ) -> dict[Unseen, BoolArray]:
         """Find the stands that the room does not allow, (stand,)."""
+        limits = limits or StandLimits.from_room(self.room)
         inside = np.zeros(len(origins), bool)
         for box in self.room.forbidden.values():
             inside |= np.all((origins > box.low) & (origins < box.high), axis=1)
-        low = [-np.inf if v is None else v for v in self.room.low or (None,) * 3]
-        high = [np.inf if v is None else v for v in self.room.high or (None,) * 3]
-        outside = np.any((origins < low) | (origins > high), axis=1)
+        outside = np.any((origins < limits.low) | (origins > limits.high), axis=1)
         return {Unseen.outside: outside, Unseen.forbidden: inside}
 
-    def allowed(self, origins: Array) -> BoolArray:
+    def allowed(self, origins: Array, limits: StandLimits | None = None) -> BoolArray:
         """Tell which stands the room allows, (stand,)."""
-        return ~np.any(list(self.refusals_of_room(origins).values()), axis=0)
+        return ~np.any(list(self.refusals_of_room(origins, limits).values()), axis=0)
 
-    def _beyond(self, origins: Array, rotations: Array, points: Array) -> BoolArray:
+    def _beyond(
+        self, origins: Array, rotations: Array, points: Array, limits: StandLimits
+    ) -> BoolArray:
         """Tell which points the mirrors do not reach, (stand, point)."""
         angles = angles_of(origins, rotations, points, self.laser)
-        return ~self.laser.reaches(angles, self.room.mirrors)
+        return ~self.laser.reaches(angles, limits.mirrors[:, None])
 
     def _blocked(self, origins: Array, points: Array) -> BoolArray:
         """Tell which points are behind a box that stops beams, (stand, point)."""

@@ -9,13 +9,16 @@ of `sldvexp.planner.criterion`.
 
 from __future__ import annotations
 
+from collections.abc import Generator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from sldvexp.config.planning import PlanRoom
 from sldvexp.errors import UserError
 from sldvexp.planner.criterion import Goal, covariance_of
 from sldvexp.planner.place import OBLIQUE, SETTING_OF, Place, StandExamination, Unseen
+from sldvexp.planner.stand_limits import StandLimits
 from sldvexp.planner.turning import turned_towards
 from sldvexp.typing import Array
 
@@ -101,10 +104,10 @@ def drawn(place: Place, rng: np.random.Generator) -> Array:
     return np.asarray((place.middle + radius[:, None] * ball @ axes).round(DECIMALS))
 
 
-def examined(place: Place, origins: Array) -> StandExamination:
+def examined(place: Place, origins: Array, limits: StandLimits | None = None) -> StandExamination:
     """Turn upright instruments towards the object and examine what they see."""
     _, rotations = turned_towards(origins, place.to_be_seen, place.laser)
-    return place.examine(origins, rotations)
+    return place.examine(origins, rotations, limits)
 
 
 def _none_of(place: Place, origins: Array) -> str:
@@ -203,6 +206,55 @@ def move(
     rng: np.random.Generator,
 ) -> StandExamination:
     """Move every stand in space while that helps and is feasible, by ever smaller steps."""
+    (moved,) = move_in_rooms(goal, place, [place.room], stands, least, begun, [rng])
+    return moved
+
+
+def move_in_rooms(
+    goal: Goal,
+    place: Place,
+    rooms: Sequence[PlanRoom],
+    stands: StandExamination,
+    least: float,
+    begun: Array,
+    rngs: Sequence[np.random.Generator],
+) -> list[StandExamination]:
+    """Move the same stands in each of several rooms, as `move` does.
+
+    The searches know nothing of one another; what all of them try is examined together.
+    """
+    searches = [_moves(goal, stands, least, begun, rng) for rng in rngs]
+    found: dict[int, StandExamination | None] = dict.fromkeys(range(len(rooms)))
+    ended: dict[int, StandExamination] = {}
+    while found:
+        tried: dict[int, Array] = {}
+        for k, examination in found.items():
+            try:
+                tried[k] = searches[k].send(examination)
+            except StopIteration as end:
+                ended[k] = end.value
+        found = {**_examined_in_rooms(place, rooms, tried)} if tried else {}
+    return [ended[k] for k in range(len(rooms))]
+
+
+def _examined_in_rooms(
+    place: Place, rooms: Sequence[PlanRoom], tried: Mapping[int, Array]
+) -> dict[int, StandExamination]:
+    """Examine those of the places tried in each room that it allows and circles are seen from."""
+    of, counts = [rooms[k] for k in tried], [len(origins) for origins in tried.values()]
+    every, limits = np.concatenate([*tried.values()]), StandLimits.from_rooms(of, counts)
+    kept = place.allowed(every, limits) & ~place.too_oblique(every, limits)
+    ends = np.cumsum(counts)
+    counts = [int(part.sum()) for part in np.split(kept, ends[:-1])]
+    found = examined(place, every[kept], StandLimits.from_rooms(of, counts))
+    first = np.cumsum([0, *counts])
+    return {k: found.take(np.arange(*first[i : i + 2])) for i, k in enumerate(tried)}
+
+
+def _moves(
+    goal: Goal, stands: StandExamination, least: float, begun: Array, rng: np.random.Generator
+) -> Generator[Array, StandExamination | None, StandExamination]:
+    """Yield places to try, take the examination of those that are allowed, return the stands."""
     best = goal.of(covariance_of(np.concatenate([begun, stands.looks])))
     step, count = FIRST_STEP, len(stands.origins)
     while step >= LAST_STEP:
@@ -212,9 +264,8 @@ def move(
             covariance = covariance_of(np.concatenate([begun, stands.looks[others]]))
             free = rng.standard_normal((OTHER_MOVES, 3)) / 2
             ways = step * np.concatenate([np.eye(3), -np.eye(3), free])
-            tried = (stands.origins[j] + ways).round(DECIMALS)
-            tried = tried[place.allowed(tried) & ~place.too_oblique(tried)]
-            found = examined(place, tried)
+            found = yield (stands.origins[j] + ways).round(DECIMALS)
+            assert found is not None
             values = goal.with_one_more(covariance, found.looks)
             values[found.share < least] = np.inf
             if len(values) and values.min() < best * (1 - BETTER):

@@ -30,6 +30,8 @@ NO_REPEATS = (
 
 POSE = VARIABLES["pose"]
 MIRRORS = {name: name.replace("_", "-") for name in reversed(AXES["mirror"])}
+#: Height of the panel of all views, inch.
+PANEL = 2.0
 
 
 def unavailable_because(run: RunData) -> str:
@@ -176,8 +178,10 @@ def _by_point(pose: xr.Dataset) -> Figure:
 def _by_view(pose: xr.Dataset) -> Figure:
     """Draw root mean square residual of each view, where no points are known."""
     names = [str(v) for v in pose["view"].values]
-    made = style.figure(3.0, "Residuals of the poses by view")
-    axes = made.subplots()
+    ratio = PANEL / (style.inches() - style.LEFT)
+    # no panel has a title, for which a sheet has room
+    above = -style.LOW
+    made, ((axes,),) = style.sheet(1, 1, ratio, "Residuals of the poses by view", above=above)
     place = np.arange(len(names))
     known = {"residual_rms": "r.m.s. residual", "s": "s, of a mirror reading"}
     for (key, text), look, aside in zip(known.items(), style.looks(2), (-0.1, 0.1), strict=True):
@@ -187,11 +191,11 @@ def _by_view(pose: xr.Dataset) -> Figure:
             # the relative standard error of a standard deviation with so many degrees of freedom
             error = values / np.sqrt(2.0 * pose["dof"].values) if "dof" in pose else None
             axes.errorbar(place + aside, values, error, label=text, markersize=6, **look)
-    axes.set_xticks(place, names)
+    style.set_numbers(axes.xaxis, place, names)
     axes.set(xlabel="view", ylabel=POSE["s"].shown_unit)
     axes.set_ylim(bottom=0.0)
     axes.margins(x=0.1)
-    style.legend_below(made, axes)
+    style.legend(made, axes)
     return made
 
 

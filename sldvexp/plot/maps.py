@@ -10,21 +10,17 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.collections import TriMesh
 from matplotlib.colors import Normalize
-from matplotlib.patches import PathPatch
-from matplotlib.path import Path
 from matplotlib.tri import Triangulation
 
 from sldvexp.plot import style
+from sldvexp.plot.triangle_map import TriangleMap
 from sldvexp.typing import Array, BoolArray, ComplexArray
 
 #: Title of a map of phases.
 PHASES = "phase"
 #: Part of a title that says how values below their bounds look.
 FAINT = "pale or hatched: below the bound"
-#: Share of white over values below their bounds.
-VEIL = 0.72
 
 
 def map_of(
@@ -60,40 +56,22 @@ def map_of(
     if not there.any():
         style.not_determined(axes)
         return None
-    mapped = TriMesh(
-        Triangulation(mesh.x, mesh.y, mesh.triangles, ~there[mesh.triangles].all(axis=1)),
-        array=factor * np.where(there, values, values[there].mean()),
-        cmap=style.SIZE_MAP,
-        norm=Normalize(low, high),
-        rasterized=True,
-    )
-    axes.add_collection(mapped, autolim=False)
+    corner = mesh.triangles
+    faint = np.zeros(len(values), bool)
     if bound is not None:
         faint = there & ~(np.abs(values) > np.nan_to_num(bound))
-        veil(axes, mesh, faint[mesh.triangles].sum(axis=1) > 1)
+    array = factor * np.where(there, values, values[there].mean())
+    mapped = TriangleMap(
+        mesh,
+        array[corner],
+        shown=there[corner].all(axis=1),
+        veiled=faint[corner].sum(axis=1) > 1,
+        array=array,
+        cmap=style.colour_map(style.SIZE_MAP),
+        norm=Normalize(low, high),
+    )
+    axes.add_collection(mapped, autolim=False)
     return mapped
-
-
-def veil(axes: Axes, mesh: Triangulation, faint: BoolArray) -> None:
-    """Lay white over triangles whose values are not above their bounds."""
-    if faint.any():
-        corners = _corners(mesh, faint)[:, [0, 1, 2, 0]]
-        codes = np.tile(TRIANGLE, len(corners))
-        look: dict[str, Any] = {"facecolor": "#ffffff", "alpha": VEIL, "linewidth": 0.0}
-        # as one path, which is drawn at once
-        over = PathPatch(Path(corners.reshape(-1, 2), codes), rasterized=True, **look)
-        over.set_antialiased(False)
-        over.set_transform(axes.transData)
-        axes.add_artist(over)
-
-
-#: How a path goes around a triangle.
-TRIANGLE = (Path.MOVETO, Path.LINETO, Path.LINETO, Path.CLOSEPOLY)
-
-
-def _corners(mesh: Triangulation, chosen: BoolArray) -> Array:
-    """Find the places of some triangles' corners, shape (triangle, 3, 2)."""
-    return np.stack([mesh.x, mesh.y], axis=1)[mesh.triangles[chosen]]
 
 
 def scale_of(
@@ -138,14 +116,15 @@ def phase_map(axes: Axes, mesh: Triangulation, values: ComplexArray, bound: Arra
     style.ends_of(axes, mesh.x, mesh.y)
     mean = values[mesh.triangles].mean(axis=1)
     known = np.abs(mean) > np.nan_to_num(bound)[mesh.triangles].mean(axis=1)  # a NaN is not above
-    if not known.any():  # one that is not seen
-        known[0], mean[0] = True, np.nan
-    # with corners of its own a triangle has one colour
-    corner = _corners(mesh, known).reshape(-1, 2)
-    x, y = corner.T
-    alone = Triangulation(x, y, np.arange(len(corner)).reshape(-1, 3))
-    phases = np.ma.masked_invalid(np.repeat(np.degrees(np.angle(mean[known])), 3))
-    look: dict[str, Any] = {"cmap": style.PHASE_MAP, "norm": Normalize(-180.0, 180.0)}
-    faces = TriMesh(alone, array=phases, rasterized=True, **look)
+    phases = np.degrees(np.angle(mean))
+    faces = TriangleMap(
+        mesh,
+        np.repeat(phases[:, None], 3, axis=1),
+        shown=known,
+        veiled=np.zeros(len(known), bool),
+        array=phases[known],
+        cmap=style.colour_map(style.PHASE_MAP),
+        norm=Normalize(-180.0, 180.0),
+    )
     axes.add_collection(faces, autolim=False)
     return faces

@@ -8,7 +8,7 @@ axis whose single ticks somebody asked for has and draws those.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from copy import copy
 from typing import Any
@@ -18,7 +18,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis, XAxis, YAxis
 from matplotlib.font_manager import FontProperties
-from matplotlib.ticker import MaxNLocator, NullLocator
+from matplotlib.ticker import FixedFormatter, FixedLocator, MaxNLocator, NullLocator
 
 from sldvexp.plot.paper import POINTS, long
 from sldvexp.typing import Array, BoolArray
@@ -43,6 +43,9 @@ class _SharedTickAxis(_Axis):
 
     #: Which coordinate of the figure goes across the axis.
     across = 0
+    #: Whether the first number begins at its tick and the last one ends there, as where another
+    #: axis goes on; otherwise, and between them, a number's middle is at its tick.
+    begins = ends = False
     reach = (0.0, 0.0)
 
     def set_tick_params(self, *args: Any, **kwargs: Any) -> None:
@@ -50,7 +53,7 @@ class _SharedTickAxis(_Axis):
             super().set_tick_params(*args, **kwargs)
 
     def set_clip_path(self, *args: Any, **kwargs: Any) -> None:
-        with self._without_single_ticks():
+        if self._has_single_ticks:  # all others are clipped as they are made, or drawn
             super().set_clip_path(*args, **kwargs)
 
     @contextmanager
@@ -121,9 +124,9 @@ class _SharedTickAxis(_Axis):
         for label in (tick.label1, tick.label2):
             if not label.get_visible():
                 continue
-            for place, number in zip(places, numbers, strict=True):
+            for k, (place, number) in enumerate(zip(places, numbers, strict=True)):
                 label.set_text(number)
-                self._put(label, place)
+                self._put(label, place, self.begins and k == 0, self.ends and k == count - 1)
                 if self.label.get_text():
                     box = label.get_window_extent(renderer)
                     low = min(low, box.min[self.across])
@@ -140,7 +143,7 @@ class _SharedTickAxis(_Axis):
         tick, axes = known[name], self.axes
         tick.axes = None  # it leaves those that it was drawn in before
         tick.axes = axes
-        tick.set_clip_path(axes.patch)
+        tick.gridline.set_clip_box(axes.bbox)
         transform = getattr(axes, f"get_{self.axis_name}axis_transform")
         tick.gridline.set_transform(transform("grid"))
         tick.tick1line.set_transform(transform("tick1"))
@@ -172,7 +175,7 @@ class _SharedTickAxis(_Axis):
         """Lead a line through places, which stand along the axis."""
         raise NotImplementedError
 
-    def _put(self, label: Any, place: float) -> None:
+    def _put(self, label: Any, place: float, begins: bool, ends: bool) -> None:
         """Put a number beside a place."""
         raise NotImplementedError
 
@@ -213,8 +216,18 @@ class _SharedTickX(_SharedTickAxis, XAxis):
     def _go(self, line: Any, along: Array, across: Array) -> None:
         line.set_data(along, across)
 
-    def _put(self, label: Any, place: float) -> None:
+    def _update_ticks(self) -> Any:
+        """Bring single ticks up to date, see `begins`."""
+        seen = super()._update_ticks()
+        for tick in seen[:1] if self.begins else ():
+            tick.label1.set_horizontalalignment("left")
+        for tick in seen[-1:] if self.ends else ():
+            tick.label1.set_horizontalalignment("right")
+        return seen
+
+    def _put(self, label: Any, place: float, begins: bool, ends: bool) -> None:
         label.set_x(place)
+        label.set_horizontalalignment("left" if begins else "right" if ends else "center")
 
 
 class _SharedTickY(_SharedTickAxis, YAxis):
@@ -223,8 +236,18 @@ class _SharedTickY(_SharedTickAxis, YAxis):
     def _go(self, line: Any, along: Array, across: Array) -> None:
         line.set_data(across, along)
 
-    def _put(self, label: Any, place: float) -> None:
+    def _put(self, label: Any, place: float, begins: bool, ends: bool) -> None:
         label.set_y(place)
+
+
+def set_numbers(axis: Any, places: Any, names: Sequence[str] | None = None) -> None:
+    """Set the places of an axis' ticks, and what is written there in the place of numbers.
+
+    ``Axis.set_ticks`` would ask for single ones.
+    """
+    axis.set_major_locator(FixedLocator(places))
+    if names is not None:
+        axis.set_major_formatter(FixedFormatter(names))
 
 
 class SharedTickAxes(Axes):

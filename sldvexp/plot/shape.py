@@ -18,8 +18,8 @@ from sldvexp.geometry import FewerNodes, fewer_nodes, joined_points, rim, sides
 from sldvexp.lazy import xarray as xr
 from sldvexp.plot import style
 from sldvexp.plot.layer import AXES, PLACE, VolumeLayer, layer_of
-from sldvexp.plot.maps import VEIL
 from sldvexp.plot.selection import at_frequency, require
+from sldvexp.plot.triangle_map import VEIL
 from sldvexp.typing import Array, BoolArray, ComplexArray, IntArray
 
 NO_SHAPE = (

@@ -16,7 +16,7 @@ import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.colors import Normalize
+from matplotlib.colors import Colormap, Normalize
 from matplotlib.container import Container
 from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
@@ -26,6 +26,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from sldvexp.dataset import AXES, VARIABLES, Variable
 from sldvexp.plot.panel import SharedTickAxes
+from sldvexp.plot.panel import set_numbers as set_numbers
 from sldvexp.plot.paper import POINTS, Paper, Style, broken, on_paper, paper
 from sldvexp.plot.paper import fitting as fitting
 from sldvexp.plot.paper import inches as inches
@@ -249,6 +250,12 @@ def cells(
 def joined(*parts: str) -> str:
     """Join the parts of a title that are not empty."""
     return ", ".join(part for part in parts if part)
+
+
+@functools.cache
+def colour_map(name: str) -> Colormap:
+    """Take a map of colours by its name; one for all figures, since each has to be worked out."""
+    return matplotlib.colormaps[name]
 
 
 def ticks(number: int, inside: bool = False) -> Any:
@@ -526,7 +533,7 @@ def upright_scale(made: Figure, place: Any, mapped: Any, label: str) -> Any:
 
 def _scale(made: Figure, place: Any, mapped: Any, label: str, upright: bool) -> Any:
     """Make the axis of a linear scale; one image of its colours, where a colorbar has many."""
-    axes: Any = made.add_axes(place, label="<colorbar>")
+    axes: Any = made.add_axes(place, label="<colorbar>", axes_class=SharedTickAxes)
     low, high = mapped.get_clim()
     colours = np.linspace(low, high, SCALE_COLOURS)
     if upright:
@@ -543,8 +550,8 @@ def _scale(made: Figure, place: Any, mapped: Any, label: str, upright: bool) -> 
     own.set_major_locator(chosen)
     own.set_label_text(label)
     if not upright and np.isclose(chosen.tick_values(low, high)[0], low):
-        own.set_ticks([t for t in chosen.tick_values(low, high) if t <= high])
-        own.get_ticklabels()[0].set_horizontalalignment("left")  # another scale ends there
+        set_numbers(own, [t for t in chosen.tick_values(low, high) if t <= high])
+        own.begins = True  # another scale ends there
     return own
 
 
@@ -552,11 +559,8 @@ def in_turns(scale: Any) -> None:
     """Set numbers at the scale of phases."""
     box = scale.axes.get_position()
     short = scale.axis_name == "x" and box.width * scale.figure.get_figwidth() < 0.75
-    scale.set_ticks([-180.0, 0.0, 180.0], labels=["−180", "" if short else "0", "180"])
-    if scale.axis_name == "x":  # the next scale begins where this one ends
-        first, _, last = scale.get_ticklabels()
-        first.set_horizontalalignment("left")
-        last.set_horizontalalignment("right")
+    set_numbers(scale, [-180.0, 0.0, 180.0], ["−180", "" if short else "0", "180"])
+    scale.begins = scale.ends = True  # the next scale begins where this one ends
 
 
 def runs_of(hertz: Array, gap: float = 2.5, fewest: int = 8) -> list[slice]:

@@ -179,7 +179,7 @@ def _part(
         "phase": (-180.0, 180.0, style.PHASE_MAP),
     }.get(part, (-limit, limit, style.SIGN_MAP))
     up_down, left_right = group["dac"].values[~_good(group)].T
-    look = {"cmap": colours, "norm": Normalize(low, high)}
+    look = {"cmap": style.colour_map(colours), "norm": Normalize(low, high)}
     mapped = _pixels(axes, group, values, good, look)
     if len(up_down):
         axes.plot(left_right, up_down, "x", color="#000000", markersize=2.5, label="flagged")

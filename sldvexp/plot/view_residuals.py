@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -21,6 +23,8 @@ RESIDUAL = VARIABLES["field"][NAME]
 
 #: More frequencies than this are drawn as curves.
 FEW = 4
+#: Height of a panel, inch.
+PANEL = 1.5
 
 
 def unavailable_because(run: RunData) -> str:
@@ -52,8 +56,11 @@ def residuals(source: Source | RunData) -> Figure:
     count = first.sizes.get("frequency", 1)
     many = count > FEW
     rows = len(found) if many else count
-    made = style.figure(0.8 + 1.9 * rows, "Residuals by view")
-    axes = made.subplots(rows, 1, squeeze=False, sharex=True)[:, 0]
+    named = many or "frequency" in first.coords
+    ratio = PANEL / (style.inches() - style.LEFT)
+    room: dict[str, Any] = {"between": style.LOW if named else style.LOW / 2, "sharex": True}
+    made, panels = style.sheet(rows, 1, ratio, "Residuals by view", **room)
+    axes = panels[:, 0]
     every = np.concatenate([f.values.ravel() for f in found.values()])
     factor, unit = style.prefixed(every, style.SPEED)
     if many:
@@ -70,7 +77,7 @@ def residuals(source: Source | RunData) -> Figure:
                 axis.set_title(f"{float(first['frequency'][k]):g} {FREQUENCY.units}")
     axes[-1].set_xlabel(FREQUENCY.titled() if many else "view")
     if many or len(found) > 1:
-        style.legend_below(made, axes[0], title="view" if many else "field")
+        style.legend(made, axes[0], title="view" if many else "field")
     return made
 
 
@@ -96,7 +103,7 @@ def _bars(axes: Axes, found: dict[str, xr.DataArray], factor: float) -> None:
             linewidth=0.8,
             label=name,
         )
-    axes.set_xticks(np.arange(len(names)), names)
+    style.set_numbers(axes.xaxis, np.arange(len(names)), names)
     axes.grid(False, axis="x")
 
 

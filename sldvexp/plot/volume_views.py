@@ -182,15 +182,15 @@ def _scene(axes: Axes3D, run: RunData, names: list[str]) -> None:
         axes.plot(*edges.T, color=style.COLOURS[1], linewidth=0.6, label="volume")
     if len(points):
         axes.plot(*points.T, "x", color=style.COLOURS[3], markersize=4, label="object's points")
-    for name in names:
-        one = pose.sel(view=name)
-        origin = one["origin"].values
-        ahead = one["rotation"].values[2] * AXIS_LENGTH * np.linalg.norm(middle - origin)
-        axes.plot(*origin, "D", color=style.COLOURS[0], label="instrument")
-        way = np.stack([origin, origin + ahead])
-        axes.plot(*way.T, color=style.COLOURS[0], label="its axis")
-        away = np.stack([origin, middle])
-        axes.plot(*away.T, ":", color=style.COLOURS[-1], linewidth=0.7)
+    places = pose.sel(view=names)
+    origins, optical = places["origin"].values, places["rotation"].values[:, 2]
+    far = AXIS_LENGTH * np.linalg.norm(middle - origins, axis=1, keepdims=True)
+    axes.plot(*origins.T, "D", color=style.COLOURS[0], label="instrument")
+    ways = _apart(np.stack([origins, origins + far * optical], axis=1))
+    axes.plot(*ways.T, color=style.COLOURS[0], label="its axis")
+    away = _apart(np.stack([origins, np.broadcast_to(middle, origins.shape)], axis=1))
+    axes.plot(*away.T, ":", color=style.COLOURS[-1], linewidth=0.7)
+    for name, origin in zip(names, origins, strict=True):
         # aside of its axis, and of the numbers at the right
         side = "top" if origin[1] < middle[1] else "bottom"
         # spaces that a picture as SVG keeps

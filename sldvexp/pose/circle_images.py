@@ -11,6 +11,7 @@ pose's bounds too small by a factor of two; see `sldvexp.pose.correlated_errors`
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -130,7 +131,7 @@ def bitangent_errors(images: CircleImages, target: Circles) -> Errors:
         view=images.view,
         points=target.points().position,
         of_image=_of_images(images.bitangents),
-        of_object=std_of_bound(target.accuracy) * _by_circles(target),
+        of_object=std_of_bound(target.accuracy) * _by_circles(_Known(repr(target), target)),
         noise_dof=images.pointing.dof,
     )
 
@@ -167,11 +168,22 @@ def _of_images(bitangents: BitangentPoints) -> Array:
     return joint.reshape(size, size)
 
 
-def _by_circles(target: Circles) -> Array:
+@dataclass(frozen=True)
+class _Known:
+    """Calibration object, known by what it says of itself."""
+
+    told: str
+    target: Circles = field(compare=False)
+
+
+@lru_cache(maxsize=1)
+def _by_circles(known: _Known) -> Array:
     """Differentiate the selected points by each circle's numbers, shape (N, 3, 4 * circles).
 
-    Per unit of the target: the centre's x and y, the diameter, and the height above the plane.
+    Per unit of the target: the centre's x and y, the diameter, and the height above the plane. All
+    views of a run see the same object.
     """
+    target = known.target
     position = target.points().position
     touched = np.array([[a, a, b, b] for a, b in target.selected_pairs()]).ravel()
     columns = []

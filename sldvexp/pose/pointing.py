@@ -99,10 +99,11 @@ class EllipseResiduals:
         """Compute ``sum (P d)^2 - tr P`` with pointing noise of a variance."""
         weight = 1.0 / (self.std**2 + variance)
         weighed = weight[:, None] * self.span
-        sides = np.column_stack([weighed.T @ self.distance, weighed.T @ weighed])
+        sides = np.empty((weighed.shape[1], 1 + weighed.shape[1]))
+        sides[:, 0], sides[:, 1:] = weighed.T @ self.distance, weighed.T @ weighed
         solved = np.linalg.solve(self.span.T @ weighed, sides)
         left = weight * self.distance - weighed @ solved[:, 0]
-        return float(left @ left - weight.sum() + np.trace(solved[:, 1:]))
+        return float(left @ left - weight.sum() + solved[:, 1:].trace())
 
     @property
     def freedom(self) -> int:

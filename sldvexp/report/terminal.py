@@ -23,7 +23,7 @@ from sldvexp.lazy import xarray as xr
 from sldvexp.limits import shown
 from sldvexp.report.base import notes, verdict_text
 from sldvexp.report.modal_tables import modal_tables
-from sldvexp.report.numbers import number, with_bound
+from sldvexp.report.numbers import bounds_of, number, with_bound
 from sldvexp.report.tables import POSE, VELOCITY, field_tables, image_text, pose_methods
 
 #: Velocities shown on the terminal of those of many points and frequencies; the file has all.
@@ -138,10 +138,9 @@ def _pose_rows(view: str, pose: xr.Dataset) -> Iterator[tuple[str, str, str, str
     for variable, dim in columns:
         if variable not in pose:
             continue
-        for label in pose[dim].values:
-            value = float(pose[variable].sel({dim: label}))
-            bounds = pose.get(f"{variable}_confidence")
-            bound = float(bounds.sel({dim: label})) if bounds is not None else np.nan
+        values = np.atleast_1d(pose[variable].values)
+        bounds = bounds_of(pose, variable).values
+        for label, value, bound in zip(pose[dim].values, values, bounds, strict=True):
             known = POSE[variable].factor, POSE[variable].shown_unit
             factor, unit = shown_intrinsic(label) if variable == "intrinsic" else known
             yield f"pose {view}: {label}", with_bound(factor * value, factor * bound), unit, ""

@@ -10,6 +10,7 @@ import signal as signals
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, ExitStack
 from dataclasses import dataclass, field
+from typing import cast
 
 import numpy as np
 
@@ -87,6 +88,7 @@ class Camera:
         self._arrive = arrive
         self._opened = ExitStack()
         self._instrument: Instrument | None = None
+        self._foresees = False  # whether it hears of lines that are going to be scanned
         self._wanted: Acquisition | None = None
         self._set: Acquisition | None = None
         self._averages: Averaging | None = None
@@ -105,6 +107,7 @@ class Camera:
         """Instrument, sampling as was said last."""
         if self._instrument is None:
             self._instrument = self._opened.enter_context(self._arrive())
+            self._foresees = isinstance(self._instrument, Foresees)
             self._watcher.arrived(self.rest)
         if self._wanted is not None and self._set != self._wanted:
             self._instrument.configure(self._wanted)
@@ -227,8 +230,8 @@ class Camera:
         """Measure a line, of which nothing is in the journal."""
         if self._averages is None:
             instrument = self.instrument
-            if isinstance(instrument, Foresees):
-                instrument.expect(self._coming)
+            if self._foresees:
+                cast(Foresees, instrument).expect(self._coming)
             return instrument.scan(dac, stream=number)
         return self._averages.measure(self.instrument, dac, number)
 

@@ -258,25 +258,27 @@ def _pairs(values: Array | None, edges: ScanLineEdges, usual: float) -> Array:
 
 def edges_of(group: xr.Dataset) -> list[ScanLineEdges]:
     """Read the edge points of each circle, without lines and rejections, from ``edge/<view>``."""
-    circles = []
     names = [line.partition(": ")[0] for line in str(group.attrs["summary"]).splitlines()]
-    for number in np.unique(group["circle"].values):
-        own = group.isel(edge=np.flatnonzero(group["circle"].values == number))
-        count = own.sizes["edge"]
+    every = {str(name): v.values for name, v in group.items() if "edge" in v.dims}
+    number = every["circle"]
+    circles = []
+    for one in np.unique(number):
+        at = np.flatnonzero(number == one)
+        own = {name: values[at] for name, values in every.items()}
         circles.append(
             ScanLineEdges(
-                position=own["dac"].values,
-                std=own["dac_std"].values,
-                direction=own["direction"].values,
-                width=own["width"].values,
-                line=np.arange(count),
-                reach=own["reach"].values if "reach" in own else None,
-                growth_std=own["growth_std"].values if "growth_std" in own else None,
-                rising=np.zeros(count, bool),
-                phase=own["phase"].values,
+                position=own["dac"],
+                std=own["dac_std"],
+                direction=own["direction"],
+                width=own["width"],
+                line=np.arange(len(at)),
+                reach=own.get("reach"),
+                growth_std=own.get("growth_std"),
+                rising=np.zeros(len(at), bool),
+                phase=own["phase"],
                 rejected=(),
-                lines=count,
-                name=names[number - 1],
+                lines=len(at),
+                name=names[one - 1],
             )
         )
     return circles

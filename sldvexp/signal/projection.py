@@ -27,6 +27,9 @@ CHUNK_PRODUCTS = 2**19
 #: Chunks are whole multiples of this, the rows that BLAS takes at a time.
 ROWS = 8
 
+#: Samples of an image from which threads are worth their beginning and memory of their own: 16 MB.
+MANY = 2**23
+
 #: Pieces of the image for each thread, so that none waits long for the other.
 PIECES_PER_THREAD = 4
 
@@ -69,7 +72,7 @@ def project(
     limits : array_like, shape (2,) or (channel, 2), optional
         Smallest and largest sample of the converter. Not given: nothing is at a limit.
     threads : int, optional
-        All processors that this process may use unless given.
+        Unless given all processors that this process may use, for large images.
 
     Raises
     ------
@@ -86,8 +89,8 @@ def project(
     bounds = None if limits is None else np.broadcast_to(np.asarray(limits, float), (channels, 2))
     chunk = min(CHUNK_SAMPLES, CHUNK_PRODUCTS // columns.shape[1]) // n
     chunk = max(ROWS, chunk // ROWS * ROWS)
-    threads = threads or _processors()
-    pieces = max(1, min(PIECES_PER_THREAD * threads, pixels // chunk))
+    threads = threads or (_processors() if samples.size >= MANY else 1)
+    pieces = 1 if threads == 1 else max(1, min(PIECES_PER_THREAD * threads, pixels // chunk))
     edges = np.linspace(0, pixels, pieces + 1).astype(int)
 
     def work(piece: int) -> None:
@@ -96,9 +99,8 @@ def project(
             part = slice(first, min(first + chunk, edges[piece + 1]))
             _project_chunk(samples[:, part], columns, bounds, held, result, part)
 
-    if pieces == 1 or threads == 1:
-        for piece in range(pieces):
-            work(piece)
+    if pieces == 1:
+        work(0)
     else:
         with ThreadPoolExecutor(threads) as pool:
             list(pool.map(work, range(pieces)))

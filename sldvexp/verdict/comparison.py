@@ -55,6 +55,8 @@ class Bench:
         Of the smooth field along the longest side.
     few_pixels : bool
         True if more of them were not tried because the pixels are too few.
+    at_stated : JointFit, optional
+        Fit with designs at the stated poses, where one of these data and this prior is made.
     """
 
     data: Sequence[PixelData]
@@ -65,15 +67,25 @@ class Bench:
     truncation: float = 0.0
     intervals: int = 0
     few_pixels: bool = False
+    at_stated: JointFit | None = None
 
     @property
     def names(self) -> list[str]:
         """Names of the views."""
         return [d.view.name for d in self.data]
 
+    @property
+    def _made(self) -> JointFit | None:
+        """Fit at the stated poses, if it is of these data and this prior."""
+        fit = self.at_stated
+        same = fit is not None and fit.data is self.data and fit.prior is self.prior
+        return fit if same else None
+
     @cached_property
     def as_stated(self) -> list[PixelDesign]:
         """Designs of all views at the poses and the height that are stated."""
+        if (fit := self._made) is not None:
+            return list(fit.designs)
         return [PixelDesign.of(data, data.beams, self.smooth) for data in self.data]
 
     def design(self, k: int, errors: Array) -> PixelDesign:
@@ -88,7 +100,7 @@ class Bench:
 
     def fit(self) -> JointFit:
         """Fit all views, the designs taken again at the estimated poses."""
-        return self.again(JointFit(self.data, self.as_stated, self.prior))
+        return self.again(self._made or JointFit(self.data, self.as_stated, self.prior))
 
     def without(self, k: int) -> JointFit:
         """Fit all views but one, which this fit predicts from where it is stated to stand."""
@@ -143,7 +155,7 @@ def bench_of(
         if (best is not None and found > (1 - FALL) * misfit) or fit.dof <= 0:
             break
         left = 0.0 if best is None else _truncation(misfit, found, before / intervals)
-        best = replace(tried, truncation=left, intervals=intervals)
+        best = replace(tried, truncation=left, intervals=intervals, at_stated=fit)
         misfit, before = found, intervals
     return best
 

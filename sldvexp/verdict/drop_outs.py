@@ -202,7 +202,7 @@ def _off_spline(dac: Array, white: Array, rim: BoolArray) -> Array:
     """
     place = np.concatenate([dac, np.zeros((len(dac), 1))], axis=1)
     intervals = int(np.clip(np.sqrt(len(dac)) / PIXELS_A_KNOT, 2, MOST_KNOTS))
-    design, _ = SmoothField.on(place, intervals).evaluate(place)
+    design = SmoothField.on(place, intervals).values(place)
     channels, weight = white.shape[1], np.ones(len(dac))
     median = scipy.special.chdtri(channels, 0.5)
     for turn in range(HUBER + TUKEY):

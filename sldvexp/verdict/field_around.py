@@ -71,3 +71,7 @@ class FieldAround(SmoothField):
             (self.axes[2], product([value, by_y])),
         ]
         return product([value, of_y]), slopes
+
+    def values(self, points: Array) -> Array:
+        """Evaluate the basis functions alone; see `SmoothField`."""
+        return self.evaluate(points)[0]

@@ -80,6 +80,10 @@ class SmoothField:
         ]
         return product([f for f, _ in factors]), slopes
 
+    def values(self, points: Array) -> Array:
+        """Evaluate the basis functions alone, shape (point, function)."""
+        return product([value for value, _ in self._factors(points)])
+
     def _factors(self, points: Array) -> list[Array]:
         """Evaluate splines along every axis, and their slopes, shape (2, point, spline)."""
         along = (points - self.middle) @ self.axes.T

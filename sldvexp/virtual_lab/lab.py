@@ -25,7 +25,7 @@ from sldvexp.virtual_lab.beam import Beams, SceneObject, beams
 from sldvexp.virtual_lab.calibration_scene import CalibrationObject
 from sldvexp.virtual_lab.electronics import Electronics, PixelNoise
 from sldvexp.virtual_lab.plate import VibratingPlate
-from sldvexp.virtual_lab.pointing import MirrorPath
+from sldvexp.virtual_lab.pointing import MirrorPath, errors_along
 from sldvexp.virtual_lab.scene import Scene
 from sldvexp.virtual_lab.transients import DIFFERENT, Transients, long_period
 
@@ -327,9 +327,8 @@ class VirtualLab:
                 f"{dac.dtype} and shape {dac.shape}"
             )
         low, high = self.mirrors.board.value
-        outside = np.argwhere((dac < low) | (dac > high))
-        if len(outside):
-            pixel, mirror = outside[0]
+        if dac.size and (dac.min() < low or dac.max() > high):
+            pixel, mirror = np.argwhere((dac < low) | (dac > high))[0]
             raise InstrumentError(
                 f"move: pixel {pixel} asks for {MIRRORS[mirror]} step {dac[pixel, mirror]}, but "
                 f"the board has {low} to {high}"
@@ -484,10 +483,8 @@ class VirtualLab:
         normal = drawn(self._jitter, stretches, 1)[1].astype(float)
         n = len(normal)
         jitter = normal[:, :, 0] * (1.0 if noisier is None else noisier[:n, None])
-        ends = np.cumsum([stretch.pixels for stretch in stretches])
-        steps, jitters = (np.split(each, ends[:-1]) for each in (self._wired(dac[:n]), jitter))
-        along = zip(paths, steps, jitters, strict=True)
-        error = np.concatenate([path.error(dac, normal) for path, dac, normal in along])
+        pixels = [stretch.pixels for stretch in stretches]
+        error = errors_along(paths, self._wired(dac[:n]), jitter, pixels)
         return error[np.minimum(np.arange(len(dac)), n - 1)]
 
     def _spoil_by_speckle(self, velocity: ComplexArray, stretches: Sequence[Stretch]) -> None:

@@ -12,6 +12,7 @@ measured again comes out the same.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
 
@@ -104,13 +105,43 @@ class MirrorPath:
         -------
         ndarray, shape (pixel, 2), rad
         """
-        steps = np.concatenate([self._dac[None], np.asarray(dac, float)])
-        # Angles follow the steps one way over the whole range.
-        turns = np.sign(steps[1:] - steps[:-1]) * self._ways
-        turned = np.concatenate([self._direction[None], turns])
-        # Where nothing turned, the last pixel that did tells the direction.
-        last = np.maximum.accumulate(np.where(turned != 0, np.arange(len(turned))[:, None], 0))
-        direction = np.take_along_axis(turned, last, axis=0)
-        self._dac, self._direction = steps[-1], direction[-1]
-        t = self._terms
-        return t.jitter * normal - direction[1:] * t.hysteresis / 2 + self._drift
+        return errors_along([self], dac, normal, [len(normal)])
+
+
+def errors_along(
+    paths: Sequence[MirrorPath], dac: ArrayLike, normal: Array, pixels: Sequence[int]
+) -> Array:
+    """Compute the errors along several ways of the same mirrors, one after the other.
+
+    Parameters
+    ----------
+    dac, normal : shape (pixel, 2)
+        As of `MirrorPath.error`, of all ways.
+    pixels : sequence of int
+        How many each way has of them.
+
+    Returns
+    -------
+    ndarray, shape (pixel, 2), rad
+    """
+    count = np.asarray(pixels)
+    # Where each way was before, and which way it turned, stands ahead of its pixels.
+    before = np.cumsum(count + 1) - count - 1
+    there = np.ones(len(normal) + len(count), bool)
+    there[before] = False
+    steps = np.empty((len(there), len(MIRRORS)))
+    steps[there], steps[before] = dac, [path._dac for path in paths]
+    turned = np.empty_like(steps)
+    # Angles follow the steps one way over the whole range.
+    turned[1:] = np.sign(steps[1:] - steps[:-1]) * paths[0]._ways
+    turned[before] = [path._direction for path in paths]
+    # Where nothing turned, the last pixel of the way that did tells the direction.
+    last = np.where(turned != 0, np.arange(len(turned))[:, None], 0)
+    last[before] = before[:, None]
+    direction = np.take_along_axis(turned, np.maximum.accumulate(last), axis=0)
+    for path, end in zip(paths, before + count, strict=True):
+        path._dac, path._direction = steps[end], direction[end]
+    t, drift = paths[0]._terms, np.repeat([path._drift for path in paths], count)
+    return np.asarray(
+        t.jitter * normal - direction[there] * t.hysteresis / 2 + drift[:, None], float
+    )

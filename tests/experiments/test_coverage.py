@@ -6,7 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
+
+from sldvexp.limits import load_yaml
 
 FOLDER = Path(__file__).parents[2] / "conf" / "experiment"
 #: By how much the share of intervals that hold the truth may differ from what is stated.
@@ -25,7 +26,7 @@ SMALL = {
 
 def knows_the_truth(path: Path) -> bool:
     text = path.read_text()
-    checks = yaml.safe_load(text).get("check") or {} if "plugin: truth" in text else {}
+    checks = load_yaml(text).get("check") or {} if "plugin: truth" in text else {}
     return any(check.get("plugin") == "truth" for check in checks.values() if check)
 
 

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import sldvexp.field.equations.regions as field_parts
+import sldvexp.field.equations.sample_model as field_samples
 import sldvexp.field.equations.system as field_system
 from sldvexp.config.registry import get
 from sldvexp.field import FieldResult, View, VolumeVisibility
@@ -220,9 +221,9 @@ def test_samples_of_one_part_are_in_memory_at_a_time(
     made: list[weakref.ref[field_parts.RegionSamples]] = []
     make = field_parts.RegionSamples.from_region
 
-    def look(*args: Any) -> field_parts.RegionSamples:
+    def look(*args: Any, **kwargs: Any) -> field_parts.RegionSamples:
         assert not any(ref() for ref in made)
-        part = make(*args)
+        part = make(*args, **kwargs)
         made.append(weakref.ref(part))
         return part
 
@@ -232,6 +233,35 @@ def test_samples_of_one_part_are_in_memory_at_a_time(
     monkeypatch.setattr(field_parts, "SAMPLES_AT_ONCE", 300)
     estimate(smooth_looks, Contravariant())
     assert len(made) > 4
+
+
+@pytest.mark.parametrize("lost", [False, True])
+def test_what_rows_determine_is_looked_at_once(
+    smooth_looks: VolumeVisibility, monkeypatch: pytest.MonkeyPatch, lost: bool
+) -> None:
+    """For the equations; and for the bounds again where the rows left any sample open."""
+    views = list(smooth_looks.views)
+    if lost:  # where other views stand in for the first of the best rows'
+        flags = (np.arange(len(views[0].dac)) % 7 == 0).astype(int)
+        views = [replace(view, flags=flags) for view in views[:2]] + views[2:]
+    looks = VolumeVisibility(views, smooth_looks.laser, smooth_looks.prisms, smooth_looks.rule)
+    monkeypatch.setattr(field_system, "SMALL", 0)
+    at_once, ranked = estimate(looks, Contravariant()), []
+    rank_of = field_samples.rank_of
+
+    def counted(*args: Any) -> Any:
+        ranked.append(len(args[0]))
+        return rank_of(*args)
+
+    monkeypatch.setattr(field_samples, "rank_of", counted)
+    monkeypatch.setattr(field_parts, "SAMPLES_IN_ALL", 0)
+    monkeypatch.setattr(field_parts, "SAMPLES_AT_ONCE", 300)
+    in_parts = estimate(looks, Contravariant())
+    samples = looks.prisms.gaps * len(looks.prisms.triangles) * looks.rule.points
+    once = 2 * samples  # in the method's model and in that of least variance
+    assert sum(ranked) > once if lost else sum(ranked) == once
+    np.testing.assert_allclose(in_parts.velocity, at_once.velocity, atol=1e-11)
+    np.testing.assert_allclose(in_parts.std_noise, at_once.std_noise, rtol=0.05)
 
 
 @pytest.mark.whole

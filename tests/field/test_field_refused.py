@@ -433,6 +433,21 @@ def test_looks_without_a_view_are_those_of_the_others(
             assert abs(a.weights - b.weights).max() == 0
 
 
+def test_looks_over_some_triangles_are_those_of_all(
+    make_plate: Make, make_views: Make, laser: TwoMirror, six_points: SampleRule
+) -> None:
+    looks, some = small(make_plate, make_views, laser, six_points), np.array([0, 2, 5])
+    found, expected = looks.at(some), looks._project(some)
+    np.testing.assert_array_equal(found.triangles, some)
+    for name in ("position", "frame", "valid", "directions"):
+        one, other = getattr(found, name), getattr(expected, name)
+        np.testing.assert_allclose(one, other, rtol=0, atol=1e-14 * np.abs(other).max())
+    for a, b in zip(found.by_view, expected.by_view, strict=True):
+        assert abs(a.weights - b.weights).max() < 1e-12
+        for one, other in zip(a.located, b.located, strict=True):
+            np.testing.assert_allclose(one, other, rtol=0, atol=1e-12)
+
+
 #: A panel imaged from five places, as small as can be.
 QUICK = (
     "experiment=curved_panel",

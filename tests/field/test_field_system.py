@@ -224,7 +224,7 @@ def test_rows_at_samples(rows: str, generalised: bool, intercept: bool, seed: in
     valid, std = rng.random((15, 5)) < 0.8, rng.uniform(0.5, 2, (15, 5))
     a = parse(rows, NAMES).matrix
     at = RowModel(a, intercept, generalised, 1e-9, complete=False).at(directions, valid, std)
-    information, estimator = at.products()
+    information, estimator = at.information, at.estimator
     for s in range(15):
         x = np.concatenate([directions[s], np.ones((5, 1))], axis=1)[:, : 4 if intercept else 3]
         missing = a[:, ~valid[s]]
@@ -263,7 +263,7 @@ def test_samples_some_at_a_time(
     weighted = at.weight.times(at.design)
     last = at.weight.times_last(np.moveaxis(at.design, 0, -1))
     np.testing.assert_allclose(np.moveaxis(last, -1, 0), weighted, rtol=1e-12, atol=1e-12)
-    information, estimator = at.products()
+    information, estimator = at.information, at.estimator
     np.testing.assert_allclose(estimator, np.swapaxes(weighted, 1, 2), rtol=1e-12, atol=1e-12)
     np.testing.assert_allclose(information, estimator @ at.design, rtol=1e-12, atol=1e-12)
     inverse, solution = at.solutions()
@@ -283,7 +283,7 @@ def test_rows_of_all_views_and_differences() -> None:
     valid[:, 0] = False  # the view that others are subtracted from
     first = RowModel(differences_from_first(NAMES).matrix, False, True, 1e-9, False)
     last = RowModel(parse("2-5,3-5,4-5", NAMES).matrix, False, True, 1e-9, False)
-    one, other = (m.at(directions, valid, std).products()[0] for m in (first, last))
+    one, other = (m.at(directions, valid, std).information for m in (first, last))
     np.testing.assert_allclose(one, other, atol=1e-12)
     literal = RowModel(differences_from_first(NAMES).matrix, False, False, 1e-9, False)
     assert not literal.at(directions, valid, std).kept.any()

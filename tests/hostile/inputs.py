@@ -95,6 +95,16 @@ class Hostile:
             (folder / "site" / f"{name}.py").write_text(code)
 
 
+def later(content: Callable[[], str | bytes]) -> Callable[[Path], None]:
+    """Much content, which is made with its file: most who list the inputs lay none."""
+
+    def make(path: Path) -> None:
+        made = content()
+        path.write_bytes(made if isinstance(made, bytes) else made.encode())
+
+    return make
+
+
 def link(to: str) -> Callable[[Path], None]:
     """A link in place of a file."""
     return lambda path: path.symlink_to(to)

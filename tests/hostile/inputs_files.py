@@ -5,13 +5,26 @@ from __future__ import annotations
 import struct
 import zlib
 from collections.abc import Callable, Iterator
+from functools import partial
+from operator import concat
 from pathlib import Path
 from typing import Any
 
 import h5py
 import numpy as np
 import scipy.io
-from inputs import CONF, Content, Hostile, fifo, folder, link, listening, sparse, sparse_after
+from inputs import (
+    CONF,
+    Content,
+    Hostile,
+    fifo,
+    folder,
+    later,
+    link,
+    listening,
+    sparse,
+    sparse_after,
+)
 from inputs_configuration import LAUGHS
 
 MESH = "~experiment scene=plate scan=rectangle instrument=simulated signal=sine_fit pose=given volume=mesh reconstruction=samplewise"
@@ -109,7 +122,7 @@ def of_readers() -> Iterator[Hostile]:
         for what, bytes_ in CONTENTS.items():
             yield Hostile(entrance, what, arguments, {name: bytes_}, name)
             good = entrance == "mesh" or (entrance in ALSO_WITHOUT_MORE and not bytes_)
-            after = {name: start + bytes_}
+            after = {name: later(partial(concat, start, bytes_))}
             about = f"{what} after a good start"
             told = "" if good else name
             yield Hostile(entrance, about, arguments, after, told, refused=not good)
@@ -213,7 +226,7 @@ CLAIMS: list[tuple[str, str, str, Content]] = [
         "REG",
         "400 000 points",
         f"{POSE}reg",
-        "NUMREG 3\nUNITS m\n" + "".join(map(POINT.format, range(400_000))),
+        later(lambda: "NUMREG 3\nUNITS m\n" + "".join(map(POINT.format, range(400_000)))),
     ),
     ("REG", "600 000 lines", f"{POSE}reg", "#\n" * 600_000),
     (
@@ -222,13 +235,23 @@ CLAIMS: list[tuple[str, str, str, Content]] = [
         f"{POSE}reg",
         "NUMREG 3\nUNITS m\n" + "".join(f"REGPOINT {i} 1e{i}00 0 0 1 1\n" for i in (1, 2, 3)),
     ),
-    ("CSV", "200 000 columns", f"{POSE}csv", ",".join(f"c{i}" for i in range(200_000)) + "\n1\n"),
+    (
+        "CSV",
+        "200 000 columns",
+        f"{POSE}csv",
+        later(lambda: ",".join(f"c{i}" for i in range(200_000)) + "\n1\n"),
+    ),
     ("CSV", "a cell of 200 kB", f"{POSE}csv", "point,x_m\n1," + "9" * 200_000 + "\n"),
     (
         "CSV",
         "views without end",
         f"{VELOCITIES}csv",
-        "view,dx,dy,dz,frequency,real\n" + "".join(f"{i},0,0,1,{i},1\n" for i in range(60_000)),
+        later(
+            lambda: (
+                "view,dx,dy,dz,frequency,real\n"
+                + "".join(f"{i},0,0,1,{i},1\n" for i in range(60_000))
+            )
+        ),
     ),
     (
         "CSV",
@@ -284,15 +307,19 @@ CLAIMS: list[tuple[str, str, str, Content]] = [
     ("UFF", "a mark in each line", UFF, "    -1\n" * 100_000),
     ("UFF", "100 000 data sets", UFF, "    -1\n   151\nx\n    -1\n" * 100_000),
     ("UFF", "no end", UFF, function(2).rsplit("    -1", 1)[0]),
-    ("UFF", "blank lines", UFF, "\n" * 10_000_000),
+    ("UFF", "blank lines", UFF, later(lambda: "\n" * 10_000_000)),
     ("text export", "numbers without end", TEXT, "1;" * 900_000 + "\n"),
     (
         "text export",
         "100 000 rows",
         TEXT,
-        "Index;X [m];Y [m];Z [m];V [m/s]\n"
-        + "".join(f"{i};{i * 0.1};0;{i * 0.3};1\n" for i in range(100_000))
-        + "x\n",
+        later(
+            lambda: (
+                "Index;X [m];Y [m];Z [m];V [m/s]\n"
+                + "".join(f"{i};{i * 0.1};0;{i * 0.3};1\n" for i in range(100_000))
+                + "x\n"
+            )
+        ),
     ),
     ("mesh", "faces of no nodes", READERS["mesh"][0], "v 0 0 0\nf 1 2 999999999999\n"),
     ("mesh", "faces before the first", READERS["mesh"][0], "v 0 0 0\nf -9 -8 -7\n"),
@@ -337,7 +364,7 @@ CLAIMS: list[tuple[str, str, str, Content]] = [
         "pose",
         "10^5 views",
         READERS["pose"][0],
-        "".join(f"View: {i}\nphi1 = 1\n" for i in range(100_000)),
+        later(lambda: "".join(f"View: {i}\nphi1 = 1\n" for i in range(100_000))),
     ),
     ("pose", "large powers", READERS["pose"][0], "View: a\nphi1 = 1e999 +- 1e-999\n"),
 ]

@@ -9,8 +9,10 @@ import pytest
 
 from sldvexp import planner
 from sldvexp.cli.plan import told
+from sldvexp.planner.done import NOBODY
 from sldvexp.planner.images import stand_at
 from sldvexp.planner.limits import nearly_one
+from sldvexp.planner.search import examined, move, move_in_rooms
 from tests.composing import experiment
 from tests.planner.planned_experiments import SMALL
 
@@ -37,3 +39,24 @@ def test_the_limit_that_costs_most_is_named_with_what_loosening_it_gives():
     (line,) = (line for line in told(found, "", low) if line.startswith("the room limits"))
     assert "with plan.room.high=[null,0.5,null] in place of [null,0.1,null] the bound" in line
     assert not any("the room limits" in line for line in told(replace(found, limits=()), "", low))
+
+
+def test_stands_are_moved_in_rooms_together_as_in_each_alone(monkeypatch):
+    monkeypatch.setattr("sldvexp.planner.search.FIRST_STEP", 0.02)
+    e = experiment("experiment=plate", *SMALL)
+    task = planner.planned._Task.of(e, NOBODY)
+    place, room = task.thinned, task.thinned.room
+    given = examined(place, np.array([[-0.6, 0.2, 1.2], [0.7, -0.3, 1.3]]))
+    rooms = [room, replace(room, mirrors=1.0), replace(room, distance=[0.9, 1.45])]
+    others = given, 0.5, task._looks_of_given()
+
+    def rng():
+        return np.random.default_rng(3)
+
+    together = move_in_rooms(task.goal, place, rooms, *others, [rng() for _ in rooms])
+    for moved, of in zip(together, rooms, strict=True):
+        alone = move(task.goal, replace(place, room=of), *others, rng())
+        np.testing.assert_array_equal(moved.origins, alone.origins)
+        np.testing.assert_array_equal(moved.why, alone.why)
+    assert not np.array_equal(together[0].origins, given.origins)
+    assert not np.array_equal(together[0].origins, together[2].origins)

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from itertools import product
 from pathlib import Path
 
 import pytest
-import yaml
 
 from sldvexp.config import hydra_plugin
+from sldvexp.limits import load_yaml
 from sldvexp.sweep.matrix import read_matrix
 from sldvexp.sweep.trial import Trials
 
@@ -17,7 +18,10 @@ pytestmark = pytest.mark.usefixtures("client_clock")
 
 CONF = Path(__file__).parents[2] / "conf"
 FILE = CONF / "matrix" / "instruments.yaml"
-CELLS = {cell.name: cell for cell in read_matrix(FILE)}
+AXES = load_yaml(FILE.read_text())["axes"]
+NAMES = [
+    ",".join(map("=".join, zip(AXES, values, strict=True))) for values in product(*AXES.values())
+]
 
 #: Left to the long tests: what differs from a quick one by its board or its way to samples alone.
 QUICK = {
@@ -32,14 +36,14 @@ QUICK = {
     "instrument=scan_export,pose=digitizer,laser=ometron",
 }
 MARKED = [
-    pytest.param(name, marks=[pytest.mark.long] * (name not in QUICK), id=name) for name in CELLS
+    pytest.param(name, marks=[pytest.mark.long] * (name not in QUICK), id=name) for name in NAMES
 ]
 
 
 @pytest.mark.whole
 @pytest.mark.parametrize("name", MARKED)
 def test_cell_is_as_expected(name, tmp_path):
-    verdict = Trials(list(CELLS.values()), [], tmp_path).judge(name)
+    verdict = Trials(read_matrix(FILE), [], tmp_path).judge(name)
     assert verdict.passed, verdict.told
 
 
@@ -47,18 +51,18 @@ def test_every_cell_is_in_the_matrix():
     """A new instrument or pose method must find its place there."""
     from sldvexp.config.registry import BUILT_IN
 
-    axes = yaml.safe_load(FILE.read_text())["axes"]
-    assert set(BUILT_IN["pose"]) == set(axes["pose"])
-    assert set(BUILT_IN["instrument"]) == set(axes["instrument"])
-    assert {p.stem for p in (CONF / "laser").glob("*.yaml")} == set(axes["laser"])
-    assert len(CELLS) == len(axes["pose"]) * len(axes["instrument"]) * len(axes["laser"])
-    assert set(CELLS) >= QUICK
+    assert set(BUILT_IN["pose"]) == set(AXES["pose"])
+    assert set(BUILT_IN["instrument"]) == set(AXES["instrument"])
+    assert {p.stem for p in (CONF / "laser").glob("*.yaml")} == set(AXES["laser"])
+    assert [cell.name for cell in read_matrix(FILE)] == NAMES
+    assert len(NAMES) == len(AXES["pose"]) * len(AXES["instrument"]) * len(AXES["laser"])
+    assert set(NAMES) >= QUICK
 
 
 @pytest.mark.whole
 def test_run_that_another_needs_has_scan_lines_of_its_own(tmp_path):
     """Although one before it had the same scan, whose images it could have taken over."""
-    trials = Trials(list(CELLS.values()), [], tmp_path)
+    trials = Trials(read_matrix(FILE), [], tmp_path)
     for name in ("instrument=simulated,pose=given", "instrument=replay,pose=manual"):
         verdict = trials.judge(f"{name},laser=ometron")
         assert verdict.passed, verdict.told

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import pytest
+from scipy.linalg import lstsq
 
 from sldvexp.errors import UserError
 from sldvexp.geometry import Meridian, rotation_from_euler
@@ -14,6 +17,8 @@ from tests.shell.simulated_surface import HEIGHTS, RADIUS, mesh, sphere
 
 AXES, CENTER = rotation_from_euler([0.3, 1.1, -0.7]), np.array([1.0, -2.0, 0.5])
 LOW, HIGH = np.array([-0.13, -0.105]), np.array([0.13, 0.105])
+#: Curvatures along one direction, 1/m.
+BENT = {"plane": 0.0, "cylinder": 2.0, "trough": -2.0}
 #: (r, y) of shells of revolution, upwards; a cup widens and bends both ways.
 MERIDIANS = {
     "tube": [[0.2, -0.11], [0.2, 0.11]],
@@ -22,21 +27,25 @@ MERIDIANS = {
 }
 
 
-def charts() -> dict[str, Chart]:
-    """One of every kind, and the surface that lies below it."""
-    made: dict[str, Chart] = {
-        name: CylinderChart(CENTER, AXES, k)
-        for name, k in (("plane", 0.0), ("cylinder", 2.0), ("trough", -2.0))
-    }
-    for name, points in MERIDIANS.items():
-        made[name] = RevolutionChart(CENTER, AXES, Meridian(np.array(points)))
-    for name, height in HEIGHTS.items():
-        made[name] = HeightChart.fitted(mesh(height, rotation=AXES, center=CENTER))
-    return made | {f"below the {name}": chart.lowered(0.003) for name, chart in made.items()}
+#: One of every kind, and the surface that lies below it.
+CHARTS = [b + name for b in ("", "below the ") for name in (*BENT, *MERIDIANS, *HEIGHTS)]
+every_chart = pytest.mark.parametrize("chart", CHARTS, indirect=True)
 
 
-CHARTS = charts()
-every_chart = pytest.mark.parametrize("chart", CHARTS.values(), ids=CHARTS)
+@pytest.fixture
+def chart(request: pytest.FixtureRequest) -> Chart:
+    name = request.param.removeprefix("below the ")
+    return made(name) if name == request.param else made(name).lowered(0.003)
+
+
+@cache
+def made(name: str) -> Chart:
+    """A chart of a kind, made for the first test of it."""
+    if name in BENT:
+        return CylinderChart(CENTER, AXES, BENT[name])
+    if name in MERIDIANS:
+        return RevolutionChart(CENTER, AXES, Meridian(np.array(MERIDIANS[name])))
+    return HeightChart.fitted(mesh(HEIGHTS[name], rotation=AXES, center=CENTER))
 
 
 def places(count=40, seed=0):
@@ -118,7 +127,7 @@ def fitted_motion(chart, displacement):
     """Splines of a displacement of the middle surface, (point, 3) of points, and what they miss."""
     at = np.random.default_rng(1).uniform(LOW, HIGH, (4000, 2))
     local = np.einsum("pij,pj->pi", chart.frames(at), displacement(chart.points(at, 0.0)))
-    theta = np.linalg.lstsq(laid()(at), local, rcond=None)[0]
+    theta = lstsq(laid()(at), local, lapack_driver="gelsy")[0]
     return ThinShell(laid(), laid(), chart), theta.T.ravel()
 
 

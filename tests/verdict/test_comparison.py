@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.stats import binom, chi2, ncx2
 
 from sldvexp.field.bounds.pose_uncertainty import pose_covariance
+from sldvexp.verdict import comparison
 from sldvexp.verdict.comparison import TESTS, Bench, bench_of, compare_views
 from sldvexp.verdict.diagnosis import _of_view, diagnose
 from sldvexp.verdict.explanation import FAMILY, tells_views_apart
+from sldvexp.verdict.joint_fit import JointFit
 
 from .simulated_views import LOOSE, NOISE, TIGHT, Session, session
 
@@ -212,3 +216,25 @@ def test_columns_of_a_pose_are_the_derivatives_of_what_is_predicted():
         one, other = (d.field[k] @ m for d, k in zip((more, less), there, strict=True))
         found = (one - other) / 2e-6
         np.testing.assert_allclose(columns[both, number], found, atol=1e-3 * np.abs(found).max())
+
+
+def test_fit_at_the_stated_poses_is_made_once_for_data_that_stay(monkeypatch):
+    """With other noise it is another one."""
+    made = session(np.random.default_rng(3))
+    bench = bench_of(made.views, made.surface, pose_covariance(made.views, None))
+    anew = replace(bench, at_stated=None).fit()
+    np.testing.assert_array_equal(bench.fit().poses, anew.poses)
+    noisy = bench.with_noise(0, 2.0)
+    np.testing.assert_array_equal(noisy.fit().poses, replace(noisy, at_stated=None).fit().poses)
+    assert noisy.fit().squares != anew.squares
+    fits = []
+
+    def counted(*args):
+        fits.append(JointFit(*args))
+        return fits[-1]
+
+    monkeypatch.setattr(comparison, "JointFit", counted)
+    bench.fit()
+    assert len(fits) == 1
+    noisy.fit()
+    assert len(fits) == 3

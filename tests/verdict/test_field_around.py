@@ -65,3 +65,10 @@ def test_splines_and_their_slopes_are_those_of_scipy(intervals):
         spline = BSpline(knots, one, 3)
         np.testing.assert_allclose(of_value, spline(inside), atol=1e-14)
         np.testing.assert_allclose(of_slope, spline(inside, 1), atol=1e-12)
+
+
+def test_values_alone_are_those_with_slopes():
+    flat = Grid(size=[0.3, 0.2], shape=[7, 7]).prisms().position
+    for surface in (flat, nodes()):
+        field = FieldAround.on(surface, 5)
+        np.testing.assert_array_equal(field.values(surface), field.evaluate(surface)[0])

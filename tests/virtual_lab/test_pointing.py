@@ -8,7 +8,7 @@ import pytest
 from sldvexp.errors import ConfigError
 from sldvexp.instrument import Acquisition
 from sldvexp.laser import TwoMirror
-from sldvexp.virtual_lab.pointing import MirrorPath, PointingTerms, Scanner
+from sldvexp.virtual_lab.pointing import MirrorPath, PointingTerms, Scanner, errors_along
 from sldvexp.virtual_lab.scene import OpticalDistance
 
 SIGMA = 4.5
@@ -35,6 +35,20 @@ def test_hysteresis_is_that_of_the_angle():
     mirrors.up_down.gain = -25.0
     found = errors(PointingTerms(hysteresis=1e-3), [[10, 10]], mirrors=mirrors)
     np.testing.assert_allclose(found, [[0.5e-3, -0.5e-3]])
+
+
+def test_ways_together_are_those_one_by_one():
+    """To the bit; a line goes on in the next block, and every line begins by itself."""
+    terms, rng = PointingTerms(jitter=1e-5, hysteresis=3e-5, drift=1e-4), np.random.default_rng(1)
+    apart, along = ([MirrorPath(terms, TwoMirror(), n) for n in (4, 5, 6)] for _ in range(2))
+    for pixels in ([7, 1, 3], [2, 5, 4]):
+        dac = rng.integers(-3, 4, (sum(pixels), 2))
+        normal, ends = rng.normal(size=dac.shape), np.cumsum(pixels)[:-1]
+        parts = zip(apart, np.split(dac, ends), np.split(normal, ends), strict=True)
+        each = [path.error(*of) for path, *of in parts]
+        np.testing.assert_array_equal(
+            errors_along(along, dac, normal, pixels), np.concatenate(each)
+        )
 
 
 def test_drift_grows_from_line_to_line():

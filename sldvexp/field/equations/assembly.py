@@ -130,6 +130,7 @@ class EquationSums:
         self.whole, self.complete = np.zeros((*shape[:2], 1)), np.zeros((*shape[:2], 1))
         self.rows = self.samples = 0
         self.coverage: list[Coverage] = []
+        self.determined = True
 
     def add(self, part: RegionSamples) -> None:
         """Add the samples of a region."""
@@ -140,6 +141,7 @@ class EquationSums:
         whole = part.patch.ones_to_nodes()
         self.whole[:, nodes] += whole
         ranked = _ranked(at, part.model.parameters)
+        self.determined = self.determined and at.pointwise.determined
         self.ranked[:, nodes] += whole if ranked.all() else part.patch.to_nodes(ranked)
         if self.one_by_one:
             of_whole = _of_whole_prisms(part)
@@ -154,6 +156,7 @@ class EquationSums:
     def equations(self) -> Equations:
         """Finish the equations."""
         require_coverage(self.coverage)
+        self.parts.determined = self.determined
         ranked = self.ranked / self.whole
         if self.one_by_one:  # few samples of some prisms are fewer than these have corners
             ranked[(ranked < 1 - MISSING) & (self.complete == 0)] = 0.0

@@ -8,7 +8,7 @@ samples; those that overlap have all samples that bear on their own nodes, as bo
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -119,17 +119,24 @@ class RegionSamples:
 
     @classmethod
     def from_region(
-        cls, visibility: VolumeVisibility, model: FieldModel, region: Region
+        cls,
+        visibility: VolumeVisibility,
+        model: FieldModel,
+        region: Region,
+        *,
+        determined: bool = False,
     ) -> RegionSamples:
-        """Look at the samples of a region."""
+        """Look at the samples of a region; for `determined` see `RowModel.at`."""
         patch = Patch.over(visibility.prisms, visibility.rule, region.triangles)
         samples = visibility.at(region.triangles)
-        return cls(visibility, model, region, patch, samples, model.at(samples))
+        at = model.at(samples, determined=determined)
+        return cls(visibility, model, region, patch, samples, at)
 
-    def with_model(self, model: FieldModel) -> RegionSamples:
+    def with_model(self, model: FieldModel, *, determined: bool = False) -> RegionSamples:
         """Return the same samples as they are in another model."""
         std = self.at.std if model.pixel_std is self.model.pixel_std else None
-        return replace(self, model=model, at=model.at(self.samples, std))
+        at = model.at(self.samples, std, determined=determined)
+        return replace(self, model=model, at=at)
 
     @cached_property
     def owned(self) -> BoolArray:
@@ -190,10 +197,18 @@ def _rows(matrix: scipy.sparse.csr_array, here: slice) -> scipy.sparse.csr_array
 
 @dataclass(eq=False)
 class RegionIterator:
-    """A way through all samples; a volume of one part stays in memory."""
+    """A way through all samples; a volume of one part stays in memory.
+
+    Attributes
+    ----------
+    determined : bool
+        Whether the rows have been found to determine all parameters at every sample: what goes
+        through them a second time need not look again.
+    """
 
     visibility: VolumeVisibility
     model: FieldModel
+    determined: bool = field(init=False, default=False)
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave out the samples: another process finds them faster than they are sent."""
@@ -224,7 +239,9 @@ class RegionIterator:
         """Return the same region as another model's part."""
         if part.model is self.model:
             return part
-        return self._whole if self._fits else part.with_model(self.model)
+        if self._fits:
+            return self._whole
+        return part.with_model(self.model, determined=self.determined)
 
     def disjoint(self) -> Iterator[RegionSamples]:
         """Go through all samples once."""
@@ -232,7 +249,7 @@ class RegionIterator:
             yield self._whole
             return
         for own in self.own_nodes():
-            yield RegionSamples.from_region(self.visibility, self.model, self.surface.of_own(own))
+            yield self._look(self.surface.of_own(own))
 
     def overlapping(self, rings: int, whole: bool) -> Iterator[RegionSamples]:
         """Go through regions with all samples that bear on their own nodes.
@@ -248,9 +265,7 @@ class RegionIterator:
             yield self._whole
             return
         for own in self.own_nodes():
-            yield RegionSamples.from_region(
-                self.visibility, self.model, self.surface.around(own, rings)
-            )
+            yield self._look(self.surface.around(own, rings))
 
     def own_nodes(self) -> Iterator[IndexArray]:
         """Go through the surface nodes of the regions, every node once."""
@@ -261,8 +276,12 @@ class RegionIterator:
 
     @cached_property
     def _whole(self) -> RegionSamples:
-        everything = self.surface.around(np.arange(self.visibility.prisms.surface_nodes), 0)
-        return RegionSamples.from_region(self.visibility, self.model, everything)
+        return self._look(self.surface.around(np.arange(self.visibility.prisms.surface_nodes), 0))
+
+    def _look(self, region: Region) -> RegionSamples:
+        return RegionSamples.from_region(
+            self.visibility, self.model, region, determined=self.determined
+        )
 
     @property
     def _column(self) -> int:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -108,32 +109,40 @@ class SampleLeastSquares:
         How many parameters the rows determine at the sample alone.
     rows : ndarray of int, shape (sample,)
         How many rows there are; 0 where a sample is not kept.
+    determined : bool
+        Whether the method's own rows determine all parameters at every sample.
     """
 
     design: Array
     weight: RowWeights
     rank: NDArray[np.int_]
     rows: NDArray[np.int_]
+    determined: bool
 
     @property
     def kept(self) -> BoolArray:
         """Samples that have a part in the field, shape (sample,)."""
         return self.rows > 0
 
-    def products(self) -> tuple[Array, Array]:
-        """Multiply the matrices N and T of the normal equations.
-
-        Returns
-        -------
-        information : ndarray, shape (sample, parameter, parameter)
-        estimator : ndarray, shape (sample, parameter, view)
-        """
+    @cached_property
+    def estimator(self) -> Array:
+        """The matrix T of the normal equations, shape (sample, parameter, view)."""
         count, views, parameters = self.design.shape
-        information = np.empty((parameters, parameters, count))
-        estimator = np.empty((views, parameters, count))
-        for here, n, t in self._some_products():
-            information[..., here], estimator[..., here] = n, t
-        return information.T, estimator.T
+        found = np.empty((views, parameters, count))
+        for here, _, t in self._some_estimators():
+            found[..., here] = t
+        return found.T
+
+    @cached_property
+    def information(self) -> Array:
+        """The matrix N of the normal equations, shape (sample, parameter, parameter)."""
+        count, _, parameters = self.design.shape
+        found, estimator = np.empty((parameters, parameters, count)), self.estimator.T
+        for first in range(0, count, SAMPLES_IN_CACHE):
+            here = slice(first, first + SAMPLES_IN_CACHE)
+            x = np.ascontiguousarray(np.moveaxis(self.design[here], 0, -1))
+            found[..., here] = _gram(estimator[..., here], x)
+        return found.T
 
     def solutions(self) -> tuple[Array, Array]:
         """Solve each sample by itself; 0 where it is not kept.
@@ -149,8 +158,8 @@ class SampleLeastSquares:
         inverse = np.empty((parameters, parameters, count))
         solution = np.empty((views, parameters, count))
         every = self.kept
-        for here, n, t in self._some_products():
-            kept = every[here]
+        for here, x, t in self._some_estimators():
+            kept, n = every[here], _gram(t, x)
             if not kept.all():
                 n[..., ~kept] = np.eye(parameters)[..., None]
                 t[..., ~kept] = 0.0
@@ -160,18 +169,22 @@ class SampleLeastSquares:
             inverse[..., here] = of_some
         return inverse.T, solution.T
 
-    def _some_products(self) -> Iterator[tuple[slice, Array, Array]]:
-        """Multiply N and T of some samples, which are last: (parameter, parameter or view, ...)."""
-        count, _, parameters = self.design.shape
-        for first in range(0, count, SAMPLES_IN_CACHE):
+    def _some_estimators(self) -> Iterator[tuple[slice, Array, Array]]:
+        """Multiply T of some samples, which are last: X and T, (view, parameter, sample)."""
+        for first in range(0, len(self.design), SAMPLES_IN_CACHE):
             here = slice(first, first + SAMPLES_IN_CACHE)
             x = np.ascontiguousarray(np.moveaxis(self.design[here], 0, -1))
-            t = self.weight[here].times_last(x)
-            n = np.empty((parameters, parameters, x.shape[-1]))
-            for p, q in np.ndindex(parameters, parameters):
-                if p <= q:
-                    n[p, q] = n[q, p] = np.einsum("vs,vs->s", t[:, p], x[:, q])
-            yield here, n, t
+            yield here, x, self.weight[here].times_last(x)
+
+
+def _gram(t: Array, x: Array) -> Array:
+    """Multiply ``N = T X``, symmetric, of samples that are last."""
+    parameters = x.shape[1]
+    n = np.empty((parameters, parameters, x.shape[-1]))
+    for p, q in np.ndindex(parameters, parameters):
+        if p <= q:
+            n[p, q] = n[q, p] = np.einsum("vs,vs->s", t[:, p], x[:, q])
+    return n
 
 
 @dataclass(frozen=True, eq=False)
@@ -204,7 +217,9 @@ class RowModel:
         """Unknowns at a point."""
         return 4 if self.intercept else 3
 
-    def at(self, directions: Array, valid: BoolArray, std: Array) -> SampleLeastSquares:
+    def at(
+        self, directions: Array, valid: BoolArray, std: Array, *, determined: bool = False
+    ) -> SampleLeastSquares:
         """Set up the rows' least squares at samples.
 
         A row that needs a view which does not see the sample drops out. Weighted by their
@@ -218,6 +233,8 @@ class RowModel:
         valid : ndarray of bool, shape (sample, view)
         std : ndarray, shape (sample, view)
             Of the views' velocities; only their ratios matter, and only if `generalised`.
+        determined : bool
+            Whether the rows are known to determine all parameters at every one of these samples.
         """
         design = directions if valid.all() else directions * valid[..., None]
         if self.intercept:
@@ -232,9 +249,12 @@ class RowModel:
             basis = np.linalg.svd(left, full_matrices=False)[2][: np.linalg.matrix_rank(left)]
             # All views span what any basis of them does.
             turned = None if len(basis) == views else basis
-            rank[here] = rank_of(design[here], self.tolerance, turned)
+            rank[here] = (
+                self.parameters if determined else rank_of(design[here], self.tolerance, turned)
+            )
             rows[here] = len(left)
             found.append((here, self._weights(basis, left, valid[here], std[here])))
+        determined = bool(np.all(rank == self.parameters))
         if self.complete:
             rows[rank < self.parameters] = 0
         found = [_where(rows > 0, here, weight) for here, weight in found]
@@ -243,7 +263,8 @@ class RowModel:
             other = by_all.at(directions[lost], valid[lost], std[lost])
             found.append((np.flatnonzero(lost), other.weight))
             rank[lost], rows[lost] = other.rank, other.rows
-        return SampleLeastSquares(design, _joined(found, valid.shape), rank, rows)
+        weight = _joined(found, valid.shape)
+        return SampleLeastSquares(design, weight, rank, rows, determined)
 
     def _rows_of(self, seen: BoolArray) -> Array:
         """Select rows that need none of the views that do not see a sample."""
@@ -340,9 +361,8 @@ class SampleContributions:
 
     Attributes
     ----------
-    information : ndarray, shape (sample, block, block)
-        N_s. The contravariant method's is the sample's weight w: all components have the same
-        equations.
+    weight : ndarray, shape (sample, 1, 1), optional
+        Contravariant only: of the sample, w.
     estimator : ndarray, shape (sample, parameter, view)
         T_s. The contravariant method's is ``w H`` with the sample's own solution ``u = H v``.
     inverse : ndarray, shape (sample, parameter, parameter), optional
@@ -355,11 +375,19 @@ class SampleContributions:
     """
 
     pointwise: SampleLeastSquares
-    information: Array
+    weight: Array | None
     estimator: Array
     inverse: Array | None
     own: Array | None
     std: Array
+
+    @property
+    def information(self) -> Array:
+        """The matrix N_s, shape (sample, block, block).
+
+        The contravariant method's is the sample's weight: all components have the same equations.
+        """
+        return self.pointwise.information if self.weight is None else self.weight
 
     @property
     def solution(self) -> Array:
@@ -450,23 +478,26 @@ class FieldModel:
         world = samples.directions
         return world @ np.swapaxes(samples.frame, 1, 2) if self.local else world
 
-    def at(self, samples: SampleVisibility, std: Array | None = None) -> SampleContributions:
+    def at(
+        self, samples: SampleVisibility, std: Array | None = None, *, determined: bool = False
+    ) -> SampleContributions:
         """Set up what samples contribute.
 
         Parameters
         ----------
         std : ndarray, shape (sample, view), m/s, optional
             See `SampleContributions`; where another model of the same pixels has it already.
+        determined : bool
+            See `RowModel.at`.
         """
         if std is None:
             each = zip(samples.by_view, self.pixel_std, strict=True)
             std = np.stack([_mean_std(*of_view) for of_view in each]).T
         relative = std / np.sqrt(self.variance) if self.generalised else std
         directions = self.directions(samples)
-        pointwise = self.row_model.at(directions, samples.valid, relative)
+        pointwise = self.row_model.at(directions, samples.valid, relative, determined=determined)
         if not self.contravariant:
-            information, estimator = pointwise.products()
-            return SampleContributions(pointwise, information, estimator, None, None, std)
+            return SampleContributions(pointwise, None, pointwise.estimator, None, None, std)
         inverse, solution = pointwise.solutions()
         weight = pointwise.kept.astype(float)
         if self.generalised:

@@ -93,6 +93,27 @@ class ViewSamples:
         found[:, place] = self.interpolator.slopes(self.located, self.dac[place], values)
         return found
 
+    def of(self, some: IndexArray) -> ViewSamples:
+        """Take some of the samples; `lost` counts all of them.
+
+        Parameters
+        ----------
+        some : ndarray of int, shape (sample,)
+            Ascending.
+        """
+        at, valid = self.located, self.valid[some]
+        found = np.searchsorted(at.place, some[valid])
+        located = Located(
+            np.flatnonzero(valid),
+            at.corner[found],
+            at.weight[found],
+            at.outside[some],
+            at.flagged[some],
+        )
+        directions = np.ascontiguousarray(self.directions[some].T).T
+        parts = (valid, directions, self.weights[some], located, self.interpolator, self.dac[some])
+        return ViewSamples(*parts, self.lost)
+
     def std(self, view: View) -> Array:
         """Compute standard errors of `velocity`, shape (sample,), m/s; 0 where not `valid`.
 

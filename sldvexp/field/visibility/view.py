@@ -7,8 +7,9 @@ anything.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -302,27 +303,42 @@ def views_of(tree: Mapping[str, xr.Dataset], laser: TwoMirror) -> list[View]:
             )
     require_same(images)
     nominal = nominal_intrinsics(laser.mirror_offset)
-    return [
-        _view(name, pose.sel(view=name), images[name], nominal) for name in names if name in images
-    ]
+    every = _arrays(pose, nominal)
+    poses = (dict(zip(every, own, strict=True)) for own in zip(*every.values(), strict=True))
+    each = zip(names, poses, strict=True)
+    return [_view(name, own, images[name]) for name, own in each if name in images]
 
 
-def _view(name: str, pose: xr.Dataset, image: xr.Dataset, nominal: Array) -> View:
-    """Make one view from its pose and its image."""
-    covariance = pose["covariance"].sel(parameter=list(EXTRINSICS), parameter2=list(EXTRINSICS))
+def _arrays(pose: xr.Dataset, nominal: Array) -> dict[str, Iterable[Any]]:
+    """Read what belongs to the views' poses, a row each: labels are looked up once for all."""
+    extrinsics = {key: list(EXTRINSICS) for key in ("parameter", "parameter2")}
+    count = pose.sizes["view"]
+    pointing = pose["pointing_std"].values if "pointing_std" in pose else np.zeros(count)
+    return {
+        "rotation": pose["rotation"].values,
+        "origin": pose["origin"].values,
+        "covariance": pose["covariance"].sel(extrinsics).values,
+        "intrinsics": _intrinsics(pose, nominal) or [None] * count,
+        "pointing_std": np.nan_to_num(pointing).tolist(),
+    }
+
+
+def _view(name: str, pose: Mapping[str, Any], image: xr.Dataset) -> View:
+    """Make one view from what belongs to its pose, and its image."""
+    covariance = pose["covariance"]
     velocity = image["velocity"].values.astype(complex)
     return View(
         name,
-        pose["rotation"].values,
-        pose["origin"].values,
-        covariance.values if np.isfinite(covariance.values).all() else None,
+        pose["rotation"],
+        pose["origin"],
+        covariance if np.isfinite(covariance).all() else None,
         image["dac"].values.astype(float),
         velocity.reshape(len(velocity), -1),
         image["velocity_std"].values.astype(float),
         image["flags"].values,
         shape_of(image),
-        _intrinsics(pose, nominal),
-        float(np.nan_to_num(pose["pointing_std"])) if "pointing_std" in pose else 0.0,
+        pose["intrinsics"],
+        pose["pointing_std"],
         _rest(image),
     )
 
@@ -341,13 +357,13 @@ def _rest(image: xr.Dataset) -> RestSums | None:
     return RestSums(size.values, float(size.attrs["limit"]), image["breaks_off"].values)
 
 
-def _intrinsics(pose: xr.Dataset, nominal: Array) -> Array | None:
-    """Read values of `INTRINSICS` if some were adjusted with a view's pose."""
+def _intrinsics(pose: xr.Dataset, nominal: Array) -> list[Array] | None:
+    """Read values of `INTRINSICS` of every view, if some were adjusted with the poses."""
     if "adjusted" not in pose.coords:
         return None
-    found = nominal.copy()
-    found[places(map(str, pose["adjusted"].values))] = pose["intrinsic"].values
-    return found
+    found = np.tile(nominal, (pose.sizes["view"], 1))
+    found[:, places(map(str, pose["adjusted"].values))] = pose["intrinsic"].values
+    return list(found)
 
 
 def require_same(images: Mapping[str, xr.Dataset]) -> None:

@@ -45,22 +45,39 @@ class SampleVisibility:
     position : ndarray, shape (sample, 3), m
     frame : ndarray, shape (sample, 3, 3)
         Unit rows t1, t2, n.
+    points : int
+        Samples of a prism.
     """
 
     triangles: IndexArray
     by_view: tuple[ViewSamples, ...]
     position: Array
     frame: Array
+    points: int
 
     @cached_property
     def valid(self) -> BoolArray:
         """Samples that a view has a velocity of, shape (sample, view)."""
         return np.stack([s.valid for s in self.by_view]).T
 
-    @property
+    @cached_property
     def directions(self) -> Array:
         """Direction cosines in world axes, shape (sample, view, 3); the samples are contiguous."""
         return np.moveaxis(np.stack([s.directions.T for s in self.by_view]), -1, 0)
+
+    def over(self, triangles: IndexArray) -> SampleVisibility:
+        """Take the samples over some of the triangles."""
+        place = np.searchsorted(self.triangles, triangles)
+        number = np.arange(len(self.position)).reshape(-1, len(self.triangles), self.points)
+        some = number[:, place].ravel()
+        views = tuple(seen.of(some) for seen in self.by_view)
+        return replace(
+            self,
+            triangles=triangles,
+            by_view=views,
+            position=self.position[some],
+            frame=self.frame[some],
+        )
 
 
 @dataclass(eq=False)
@@ -214,12 +231,12 @@ class VolumeVisibility:
 
     def at(self, triangles: IndexArray) -> SampleVisibility:
         """Project the samples of some triangles' prisms, in all gaps."""
-        if self._whole is not None and np.array_equal(triangles, self._whole.triangles):
-            return self._whole
-        found = self._project(triangles)
-        if self.fits_in_cache and np.array_equal(triangles, self.triangles):
-            self._whole = found
-        return found
+        if not self.fits_in_cache:
+            return self._project(triangles)
+        if self._whole is None:  # some samples are asked for first, and all of them afterwards
+            self._whole = self._project(self.triangles)
+        whole = self._whole
+        return whole if np.array_equal(triangles, whole.triangles) else whole.over(triangles)
 
     def without(self, k: int) -> Self:
         """Leave one view out, keeping all that is prepared and remembered of the others."""
@@ -266,7 +283,7 @@ class VolumeVisibility:
             )
 
         by_view = tuple(side_by_side(project, range(len(self.views))))
-        return SampleVisibility(triangles, by_view, position, frame)
+        return SampleVisibility(triangles, by_view, position, frame, self.rule.points)
 
     def _occlusion(self, view: View) -> Occlusion | None:
         if self.clearance is None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Sequence
+from functools import cache
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -35,12 +36,8 @@ def write(path: Path, title: str, subtitle: str, sections: Sequence[Section]) ->
 
 def render(title: str, subtitle: str, sections: Sequence[Section]) -> str:
     """Write the text of a page; all that comes from a run is escaped."""
-    environment = jinja2.Environment(
-        autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    )
-    environment.filters["number_like"] = number_like
     moves = any(isinstance(block, Shape) for block in _flat(sections))
-    return environment.from_string(_own("page.html")).render(
+    return _template().render(
         title=title,
         subtitle=subtitle,
         sections=sections,
@@ -49,6 +46,16 @@ def render(title: str, subtitle: str, sections: Sequence[Section]) -> str:
         heading=markupsafe.Markup(_css_text(title)),
         as_json=lambda data: markupsafe.Markup(_json(data)),
     )
+
+
+@cache
+def _template() -> jinja2.Template:
+    """Compile the page's template, once for all pages of a process."""
+    environment = jinja2.Environment(
+        autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+    environment.filters["number_like"] = number_like
+    return environment.from_string(_own("page.html"))
 
 
 def number_like(cell: str | Link) -> bool:

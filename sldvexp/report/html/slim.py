@@ -57,7 +57,8 @@ class _Renderer(RendererSVG):
 
     def draw_image(self, gc: Any, x: float, y: float, im: Any, transform: Any = None) -> None:
         if im.size:
-            self.pictures.append(np.array(im))
+            # a part of the renderer's own picture is not kept with all of that
+            self.pictures.append(im if im.base is None else np.array(im))
         super().draw_image(gc, x, y, np.zeros(np.shape(im)[:2], bool), transform)
 
     def get_text_width_height_descent(self, s: str, prop: Any, ismath: Any) -> Any:
