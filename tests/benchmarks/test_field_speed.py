@@ -33,8 +33,8 @@ PIXELS = 60
 #: all have it done once before.
 CONTRAVARIANT_WITH_BOUNDS, ABSOLUTE_WITH_BOUNDS, ABSOLUTE = 15.0, 8.0, 40.0
 #: The same with compiled kernels, loaded and compiled before; measured 26.9 to 27.9 and 13.5 to
-#: 14.3. The first falls short of the 30 wished for: two fifths of it are the kernels themselves,
-#: and of the rest, what numpy does of samples, rows and factors, nothing is more than a twentieth.
+#: 14.3. The first falls short of the 30 wished for: more than a third of it are the kernels,
+#: and of the rest, what numpy does of samples, rows and factors, nothing is more than a fifteenth.
 CONTRAVARIANT_COMPILED, ABSOLUTE_COMPILED = 22.0, 10.0
 #: Calls of which the fastest is compared.
 BEST_OF = 3
