@@ -124,3 +124,18 @@ def test_the_latest_nodes_are_kept_as_long_as_their_graph(
     del graph, near
     gc.collect()
     assert last() is None
+
+
+@pytest.mark.parametrize("between", [0, 2])
+def test_one_colour_is_of_nodes_that_are_far_apart(
+    make_plate: Callable[..., Prisms], between: int
+) -> None:
+    """Each has the first colour that is free, even where only some nodes are own ones."""
+    graph, rings = Graph.from_prisms(make_plate((13, 11), 2)), 2
+    own = np.arange(20, 120)
+    colour = NearNodes.of_own(graph, own, rings, between).colour
+    reach = [set(graph.around(own[i : i + 1], rings)) for i in range(len(own))]
+    beyond = [set(graph.around(own[i : i + 1], rings + between)) for i in range(len(own))]
+    for i in range(len(own)):
+        taken = {int(colour[j]) for j in range(i) if beyond[i] & reach[j]}
+        assert colour[i] == min(set(range(len(own))) - taken)

@@ -331,11 +331,12 @@ class CoupledRows(NearRows):
         else:
             both = beside, along
             covariance, of_both = kernels.coupled(self.surface, self.own, both, variance, fitted)
-        covariance = self.turn @ covariance @ np.swapaxes(self.turn, 2, 3)
+        nodal = np.einsum("lnij,lnij->lni", self.turn @ covariance, self.turn)
         if len(self.odd):
             exact = diagonal_blocks(self.volume @ influence.apart, variance)[0]
-            covariance[:, self.odd] = exact.reshape(layers, len(self.odd), p, p)
-        return np.diagonal(covariance, axis1=2, axis2=3), of_both
+            diagonals = np.diagonal(exact, axis1=1, axis2=2)
+            nodal[:, self.odd] = diagonals.reshape(layers, len(self.odd), p)
+        return nodal, of_both
 
     def _products(
         self, beside: scipy.sparse.bsr_array, along: Array, variance: Array, fitted: bool

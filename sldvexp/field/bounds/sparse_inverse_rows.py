@@ -110,8 +110,8 @@ class NearNodes:
         """Colours of the own ones, shape (own,)."""
         beyond = self.reach
         for _ in range(self.between):
-            beyond = within_both(beyond, self.neighbours)
-        return colours(within_both(beyond, scipy.sparse.csr_array(self.reach.T)))
+            beyond = beyond @ self.neighbours
+        return colours(self.reach, beyond)
 
     def factor(self, system: NormalEquations) -> scipy.sparse.linalg.SuperLU:
         """Factorise what a system's surface has between these nodes.
@@ -322,21 +322,26 @@ def within_both(a: scipy.sparse.csr_array, b: scipy.sparse.csr_array) -> scipy.s
     return reached
 
 
-def colours(near: scipy.sparse.csr_array) -> IndexArray:
-    """Colour every node as no node near it is, with few colours in all.
+def colours(reach: scipy.sparse.csr_array, beyond: scipy.sparse.csr_array) -> IndexArray:
+    """Colour nodes one by one, each with the first colour that nothing beyond its reach has yet.
 
     Parameters
     ----------
-    near : csr_array of bool, shape (node, node)
+    reach, beyond : csr_array of bool, shape (node, other)
+        What rows of a node reach, and where no other row of its colour may.
     """
-    found = np.full(near.shape[0], -1)
-    ends, others = near.indptr.tolist(), near.indices
-    taken = np.zeros(int(np.diff(near.indptr).max(initial=0)) + 2, bool)
+    found = np.empty(reach.shape[0], np.intp)
+    taken = [0] * reach.shape[1]  # a bit for every colour that reaches there
+    all_reached, all_beyond = reach.indices.tolist(), beyond.indices.tolist()
+    first_reached, first_beyond = reach.indptr.tolist(), beyond.indptr.tolist()
     for node in range(len(found)):
-        taken[:] = False
-        taken[found[others[ends[node] : ends[node + 1]]]] = True
-        taken[-1] = False  # where -1 pointed to
-        found[node] = taken.argmin()
+        colour = 0
+        for other in all_beyond[first_beyond[node] : first_beyond[node + 1]]:
+            colour |= taken[other]
+        colour = ~colour & (colour + 1)
+        for other in all_reached[first_reached[node] : first_reached[node + 1]]:
+            taken[other] |= colour
+        found[node] = colour.bit_length() - 1
     return found
 
 
