@@ -36,6 +36,8 @@ if "PYTEST_XDIST_WORKER" not in os.environ:  # workers have what the first proce
     _shared = tempfile.TemporaryDirectory(prefix="sldvexp-tests-")
     _kept = _kept_folder(f"{_shared.name}/kept")
     os.environ["MPLCONFIGDIR"] = f"{_kept}/matplotlib"  # whose list of fonts takes a second to make
+    # Tables of all characters take another second.
+    os.environ.setdefault("HYPOTHESIS_STORAGE_DIRECTORY", f"{_kept}/hypothesis")
     os.environ["XDG_CACHE_HOME"] = _shared.name
     # Code is compiled beside its source, where that of all libraries is already.
     os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
