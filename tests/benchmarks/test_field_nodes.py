@@ -16,10 +16,10 @@ import pytest
 FULL_SIZE = os.environ.get("SLDVEXP_BENCHMARK") == "1"
 #: Nodes along a side of each of seven layers: 4, 16, 65, 258 and 1032 thousand in all.
 SIDES = (24, 48, 96, 192, 384) if FULL_SIZE else (5,)
-#: Of four times the nodes; measured up to a million 3.0, 4.1, 3.9 and 4.0. From the second on a
+#: Of four times the nodes; measured up to a million 3.0, 3.5, 3.5 and 3.7. From the second on a
 #: field goes part by part, where samples between parts count twice.
 GROWTH = 4.4
-#: MB of a million nodes, as asked; measured of 258 thousand 756, of 65 thousand 571.
+#: MB of a million nodes, as asked; measured 1368, of 258 thousand 761, of 65 thousand 537.
 MEGABYTES = 2000.0
 FIELD = """
 import sys, time
