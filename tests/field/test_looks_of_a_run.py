@@ -17,11 +17,12 @@ from sldvexp import dataset
 from sldvexp.check import Examination
 from sldvexp.check.agreement import agreement
 from sldvexp.config.experiment import Experiment
-from sldvexp.field import View
-from sldvexp.field.estimate import volume_visibility
+from sldvexp.field import Direct, Iterative, View
+from sldvexp.field.estimate import reconstruct, volume_visibility
 from sldvexp.laser import TwoMirror
 from sldvexp.pose import pose_to_dataset
-from sldvexp.volume import Grid
+from sldvexp.reconstruction import Absolute, Reconstruction
+from sldvexp.volume import Coordinates, Grid
 
 Make = Callable[..., list[View]]
 VOLUME = Grid(size=[0.3, 0.3], shape=[4, 4], layers=3, thickness=0.02)
@@ -84,6 +85,42 @@ def test_another_session_is_looked_at_anew(views: list[View], laser: TwoMirror, 
     else:
         volume = replace(VOLUME, thickness=0.03)
     assert volume_visibility(tree, laser, volume) is not first
+
+
+def test_the_last_field_is_recalled_by_the_same_method_alone(
+    views: list[View], laser: TwoMirror, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As often as a run compares its field with the same method; nothing else is alike enough."""
+    tree, solved, usual = session(views), [], field_run.solve_field
+
+    def counted(*args: Any, **options: Any) -> Any:
+        solved.append(args[1])
+        return usual(*args, **options)
+
+    monkeypatch.setattr(field_run, "solve_field", counted)
+    seen = volume_visibility(tree, laser, VOLUME)
+    assert seen.common is not None
+
+    def made(method: Reconstruction, **other: Any) -> xr.Dataset:
+        told = {"tree": tree, "volume": VOLUME, "solver": Iterative()} | other
+        return reconstruct(told["tree"], seen, told["volume"], method, told["solver"])
+
+    first, again = made(Absolute()), made(Absolute())
+    assert len(solved) == 1
+    xr.testing.assert_identical(first, again)
+    again["velocity"].values[:] = 0.0  # which is no other's
+    xr.testing.assert_identical(first, made(Absolute()))
+    poses = tree["pose"].assign(covariance=4 * tree["pose"]["covariance"])
+    others: list[dict[str, Any]] = [
+        {"method": Absolute(confidence=0.9)},
+        {"solver": Direct()},
+        {"volume": replace(VOLUME, coordinates=Coordinates.local)},
+        {"tree": tree | {"pose": poses}},
+    ]
+    for other in others:
+        found = made(**{"method": Absolute()} | other)
+        assert found.attrs != first.attrs or not found.equals(first), other
+    assert len(solved) == 1 + len(others)
 
 
 def test_large_images_are_not_kept(
