@@ -502,8 +502,9 @@ def test_noise_is_pale_and_not_drawn_at_full_height(tree):
     assert np.ptp(z) <= 2 * full * largest / 1e-5 * 1.001
     assert (surface.get_facecolor()[:, :3] > 0.7).all()
     size = sldvexp.plot.field(groups).axes[0]
-    (white,) = size.patches  # over all triangles of the map
-    assert len(white.get_path().vertices) == 4 * len(surface.get_facecolor())
+    pale = size.collections[0].veiled
+    assert pale.all()
+    assert len(pale) == len(surface.get_facecolor())
 
 
 def test_a_panel_that_bends_is_rolled_out():
