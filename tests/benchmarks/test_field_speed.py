@@ -27,13 +27,13 @@ from sldvexp.volume import shape_matrix
 FULL_SIZE = os.environ.get("SLDVEXP_BENCHMARK") == "1"
 SHAPE = (48, 48) if FULL_SIZE else (9, 8)
 PIXELS = 60
-#: How many times faster than the twenty lines, which give no bounds; measured 16.7 to 19.9, 10.1 to
-#: 11.0 and 95 to 128 on a machine with a load of ten. The twenty lines take a fifth less at other
-#: times, and then all three are as much lower. Finding samples in the images is in none of them:
-#: all have it done once before.
+#: How many times faster than the twenty lines, which give no bounds; measured 15.8 to 21.0,
+#: 9.3 to 11.8 and 95 to 128. The twenty lines take a fifth less at other times, and then all three
+#: are as much lower. Finding samples in the images is in none of them: all have it done once
+#: before.
 CONTRAVARIANT_WITH_BOUNDS, ABSOLUTE_WITH_BOUNDS, ABSOLUTE = 15.0, 8.0, 40.0
-#: The same with compiled kernels, loaded and compiled before; measured 26.9 to 27.9 and 13.5 to
-#: 14.3. The first falls short of the 30 wished for: more than a third of it are the kernels,
+#: The same with compiled kernels, loaded and compiled before; measured 25.3 to 28.9 and 13.5 to
+#: 16.7. The first falls short of the 30 wished for: more than a third of it are the kernels,
 #: and of the rest, what numpy does of samples, rows and factors, nothing is more than a fifteenth.
 CONTRAVARIANT_COMPILED, ABSOLUTE_COMPILED = 22.0, 10.0
 #: Calls of which the fastest is compared.
