@@ -24,6 +24,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sldvexp.lazy import scipy
+from sldvexp.shell.measured import blocks
 from sldvexp.shell.pixels import ViewPixels
 from sldvexp.shell.surface_fit import SurfaceFit
 from sldvexp.typing import Array, BoolArray, IndexArray
@@ -70,9 +71,10 @@ def resting_sides(found: SurfaceFit) -> list[RestingSide]:
     pixel = np.concatenate([p.pixel for p in found.pixels])
     beyond = np.concatenate([low - place, place - high], axis=1)  # of the four sides
     side, far = beyond.argmax(axis=1), beyond.max(axis=1)
-    velocity = np.concatenate([found.measured.velocity(k, p) for k, p in enumerate(found.pixels)])
-    size = np.sum(np.abs(velocity / _std(found)) ** 2, axis=1)
-    rests = size < _usual_ratio(found) * scipy.special.chdtri(2 * velocity.shape[1], BY_CHANCE)
+    measured, size = found.measured, np.empty(len(pixel))
+    for k, some, block in blocks(found.pixels):
+        size[some] = measured.over_noise(measured.velocity(k, block), some)
+    rests = size < _usual_ratio(found) * scipy.special.chdtri(2 * len(measured.scale), BY_CHANCE)
     sides = []
     for k in range(beyond.shape[1]):
         own = (side == k) & (far > 0)
@@ -128,7 +130,7 @@ def strangers(found: SurfaceFit) -> list[IndexArray]:
     count = sum(int(here.sum()) for here in beyond)
     if not count:
         return [np.zeros(0, np.intp) for _ in beyond]
-    apart, lines = _distances(found), len(found.measured.scale)
+    apart, lines = found.distances, len(found.measured.scale)
     limit = _usual_ratio(found) * scipy.special.chdtri(2 * lines, ANY / count)
     own = np.concatenate(beyond) & (apart > limit)
     far = own & (apart >= AMONG_THE_FARTHEST * np.max(apart, where=own, initial=0.0))
@@ -143,17 +145,7 @@ def _beyond(found: SurfaceFit, pixels: ViewPixels) -> BoolArray:
     return ~replace(found.outline, margin=0.0).holds(pixels.coordinates)
 
 
-def _distances(found: SurfaceFit) -> Array:
-    """Compute d2 of every pixel."""
-    return np.asarray(np.sum(np.abs(found.residual / _std(found)) ** 2, axis=1))
-
-
 def _usual_ratio(found: SurfaceFit) -> float:
     """Divide the median d2 by that of noise as it is stated, 1 at least."""
     usual = scipy.special.chdtri(2 * len(found.measured.scale), 0.5)
-    return max(1.0, float(np.median(_distances(found))) / float(usual))
-
-
-def _std(found: SurfaceFit) -> Array:
-    """Give the noise of every pixel and frequency, m/s."""
-    return np.asarray(found.measured.pixel_std[:, None] * found.measured.scale)
+    return max(1.0, float(np.median(found.distances)) / float(usual))

@@ -84,6 +84,18 @@ class Measured:
         """Read the velocities of some pixels of a view, shape (pixel, frequency), m/s."""
         return np.asarray(self.images[k][block.pixel], complex)
 
+    def over_noise(self, values: ComplexArray, some: slice) -> Array:
+        """Divide by the noise and sum squares over the frequencies, shape (pixel,).
+
+        Parameters
+        ----------
+        values : ndarray, shape (pixel, frequency), m/s
+        some : slice
+            Which of all pixels they are of.
+        """
+        each = (values.real**2 + values.imag**2) @ (1.0 / self.scale**2)
+        return np.asarray(each / self.pixel_std[some] ** 2)
+
 
 def blocks(pixels: Sequence[ViewPixels]) -> Iterator[tuple[int, slice, ViewPixels]]:
     """Give the number of a view, some of all views' pixels, and these pixels, few at a time."""

@@ -103,9 +103,12 @@ class SurfaceFit:
         return np.asarray(np.sqrt(self.columns.quadratic(np.diag(power)).sum(axis=0)))
 
     @cached_property
-    def residual(self) -> ComplexArray:
-        """Velocities less those of the splines, shape (pixel, frequency), m/s."""
-        return np.concatenate([left for _, _, left in self.residuals()])
+    def distances(self) -> Array:
+        """Residuals over their noise, squares summed over frequencies, shape (pixel,)."""
+        found = np.empty(len(self.measured.pixel_std))
+        for _, some, left in self.residuals():
+            found[some] = self.measured.over_noise(left, some)
+        return found
 
     def residuals(self) -> Iterator[tuple[int, slice, ComplexArray]]:
         """Give the number of a view, some of all pixels, and what the splines leave of these."""
